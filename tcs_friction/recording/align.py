@@ -1,0 +1,201 @@
+"""The columns of several topics, each on its own clock and rate, become one Recording.
+
+The time base is the position topic's. Signals of the same messages are taken as they are. Torque from another
+topic is held from one message to the next, as the drive holds it; the other signals are interpolated linearly.
+Neither is carried over a gap (clock.GAP_PERIODS usual periods of that topic, at least SLOW for temperature).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording import clock
+from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
+from tcs_friction.recording.recording import Column, Recording
+from tcs_friction.recording.signals import SignalMap, SignalSource
+
+SLOW = 60_000_000_000
+"""ns; over this long a temperature may be interpolated or held whatever its rate."""
+
+OTHER_CLOCK = 1_000_000_000
+"""ns; topics whose header clocks differ by more (seen through the log time) are not on the same clock."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Base:
+    """The time base: rows of the position topic in order, their times, and how its header relates to the log."""
+
+    columns: TopicColumns
+    rows: NDArray[np.intp]
+    times: Nanoseconds
+    restarts: tuple[int, ...]
+    headers: bool
+    header_minus_log: int
+
+
+def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, notes: Sequence[str] = ()) -> Recording:
+    """One recording from the columns of every topic that `signals` names.
+
+    Raises InputError when a needed signal has no usable samples.
+    """
+    told = list(notes)
+    base = _base(columns[signals.position.topic], signals.position, source, told)
+    fine = np.ones(len(base.times), dtype=np.bool_)
+    values: dict[str, Column | None] = {}
+    for name, signal in signals.named():
+        needed = name in ("position", "torque")
+        if signal.topic == base.columns.topic:
+            column = base.columns.values[signal][base.rows]
+        else:
+            column = _from_other_topic(base, columns[signal.topic], name, signal, source, told)
+        values[name] = _usable(column, fine, name, signal, needed, source, told)
+    return _cut(base, fine, values, signals, source, told)
+
+
+def _base(columns: TopicColumns, position: SignalSource, source: str, told: list[str]) -> _Base:
+    headers = _has_headers(columns, told)
+    stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
+    told.append(f"time base: {'header stamps' if headers else 'log times'} of {columns.topic}")
+    present = np.flatnonzero(~columns.absent[position]) if position in columns.absent else None
+    if present is not None:
+        told.append(f"{columns.topic}: {len(columns) - len(present)} messages without joint {position.joint} passed over")
+        stamps, log_times = stamps[present], columns.log_times[present]
+    else:
+        log_times = columns.log_times
+    line = clock.timeline(stamps, log_times)
+    told.extend(f"{columns.topic}: {note}" for note in line.notes)
+    if len(line.times) < 2:
+        raise InputError(source, f"{len(line.times)} messages with {position}", "at least 2")
+    rows = line.rows if present is None else present[line.rows]
+    offset = int(np.median(columns.stamps - columns.log_times)) if headers and columns.stamps is not None else 0
+    return _Base(columns, rows, line.times, line.restarts, headers, offset)
+
+
+def _has_headers(columns: TopicColumns, told: list[str]) -> bool:
+    if columns.stamps is None or not len(columns):
+        return False
+    empty = int(np.count_nonzero(columns.stamps <= 0))
+    if empty:
+        told.append(f"{columns.topic}: {empty} of {len(columns)} header stamps are empty, log times used")
+    return not empty
+
+
+def _from_other_topic(
+    base: _Base, columns: TopicColumns, name: str, signal: SignalSource, source: str, told: list[str]
+) -> Column:
+    values = columns.values[signal]
+    usable = np.isfinite(values)
+    if not usable.all() and usable.any():
+        told.append(f"{name}: {np.count_nonzero(~usable)} samples of {signal} are not finite or absent, left out")
+    if not usable.any():
+        return np.full(len(base.times), np.nan)
+    times, log_times = _on_base_clock(base, columns, told)
+    line = clock.timeline(times[usable], log_times[usable])
+    told.extend(f"{columns.topic}: {note}" for note in line.notes)
+    limit = clock.gap_limit(line.times)
+    if name == "temperature":
+        limit = max(limit, SLOW)
+    ordered = values[usable][line.rows]
+    if name == "torque":
+        told.append(f"torque: held from {columns.topic} onto the times of {base.columns.topic}")
+        return held(base.times, line.times, ordered, limit)
+    told.append(f"{name}: interpolated from {columns.topic} onto the times of {base.columns.topic}")
+    return interpolated(base.times, line.times, ordered, limit)
+
+
+def _on_base_clock(base: _Base, columns: TopicColumns, told: list[str]) -> tuple[Nanoseconds, Nanoseconds]:
+    """Times of another topic on the clock of the base; the log time is the bridge between two clocks."""
+    headers = _has_headers(columns, told)
+    if not headers or columns.stamps is None:
+        shift = base.header_minus_log
+        if base.headers:
+            told.append(f"{columns.topic}: log times, moved by {shift * 1e-9:+.6f} s, the usual latency of {base.columns.topic}")
+        return columns.log_times + shift, columns.log_times
+    own = int(np.median(columns.stamps - columns.log_times))
+    if base.headers and abs(own - base.header_minus_log) <= OTHER_CLOCK:
+        return columns.stamps, columns.log_times
+    shift = base.header_minus_log - own
+    told.append(f"{columns.topic}: header stamps on another clock, moved by {shift * 1e-9:+.6f} s to match the log times")
+    return columns.stamps + shift, columns.log_times
+
+
+def held(times: Nanoseconds, known: Nanoseconds, values: Column, limit: int) -> Column:
+    """The last value at or before each time, NaN where there is none within `limit` ns."""
+    before = np.searchsorted(known, times, side="right") - 1
+    result = values[np.maximum(before, 0)]
+    stale = (before < 0) | (times - known[np.maximum(before, 0)] > limit)
+    return np.where(stale, np.nan, result)
+
+
+def interpolated(times: Nanoseconds, known: Nanoseconds, values: Column, limit: int) -> Column:
+    """Linear between neighbours not more than `limit` ns apart; past either end held for `limit`; else NaN."""
+    if len(known) < 2:
+        return np.where(np.abs(times - known[0]) <= limit, values[0], np.nan)
+    after = np.clip(np.searchsorted(known, times, side="right"), 1, len(known) - 1)
+    start, stop = known[after - 1], known[after]
+    share = np.clip((times - start) / (stop - start), 0.0, 1.0)
+    result = values[after - 1] + share * (values[after] - values[after - 1])
+    outside = (times < known[0] - limit) | (times > known[-1] + limit)
+    inside = (times > start) & (times < stop)
+    return np.where(outside | (inside & (stop - start > limit)), np.nan, result)
+
+
+def _usable(
+    column: Column, fine: Mask, name: str, signal: SignalSource, needed: bool, source: str, told: list[str]
+) -> Column | None:
+    """Mark samples that are not finite as cut; a signal that hardly ever is finite is missing."""
+    finite = np.isfinite(column)
+    bad = int(len(column) - np.count_nonzero(finite))
+    if not bad:
+        return column
+    if not np.any(finite):
+        if needed:
+            raise InputError(source, f"no finite {name} sample in {signal} within the recording", "at least 2")
+        told.append(f"{name}: no finite sample in {signal} within the recording, left out")
+        return None
+    told.append(f"{name}: {bad} of {len(column)} samples missing or not finite, cut as gaps")
+    fine &= finite
+    return column
+
+
+def _cut(
+    base: _Base, fine: Mask, values: dict[str, Column | None], signals: SignalMap, source: str, told: list[str]
+) -> Recording:
+    limit = clock.gap_limit(base.times)
+    kept = np.flatnonzero(fine)
+    if len(kept) < 2:
+        raise InputError(source, f"{len(kept)} samples with position and torque", "at least 2")
+    times = base.times[kept]
+    steps = np.diff(times)
+    breaks = (steps > limit) | (np.diff(kept) > 1)
+    for restart in base.restarts:
+        after = int(np.searchsorted(kept, restart))
+        if 0 < after < len(kept):
+            breaks[after - 1] = True
+    gaps = int(np.count_nonzero(steps > limit))
+    if missing := clock.dropped(base.times):
+        told.append(f"{base.columns.topic}: {missing} messages missing at the usual period of {clock.usual_period(base.times) * 1e-9:.6g} s")
+    if gaps:
+        told.append(f"{gaps} gaps longer than {limit * 1e-9:.6g} s ({clock.GAP_PERIODS:g} usual periods), longest {steps.max() * 1e-9:.6g} s")
+    bounds = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(times)]
+    segments = tuple(slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b - a >= 2)
+    if not segments:
+        raise InputError(source, "no two samples without a gap between them", "a stretch of samples")
+
+    def chosen(name: str) -> Column | None:
+        column = values.get(name)
+        return None if column is None else column[kept]
+
+    position, torque = chosen("position"), chosen("torque")
+    assert position is not None and torque is not None  # _usable has raised otherwise
+    exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
+    seconds = (times - times[0]) * 1e-9
+    return Recording(
+        seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
+        exogenous, segments, source, tuple(told),
+    )  # fmt: skip

@@ -1,0 +1,134 @@
+"""One strictly increasing time from the stamps that messages carry: order, duplicates, clock jumps, gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcs_friction.recording.columns import Nanoseconds
+
+JUMP = 1_000_000_000
+"""ns; a stamp that goes back by more is a clock that was set, not a message that came late."""
+
+STRAY_RUN = 5
+"""Messages; a shorter run on a clock of its own, with the old clock going on after it, has wrong stamps."""
+
+GAP_PERIODS = 10.0
+"""A pause longer than this many usual periods is a gap; nothing is interpolated or held across it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Where the rows of a topic stand in time.
+
+    rows: (m,) indices into the topic's rows, in time order. times: (m,) ns, strictly increasing.
+    restarts: indices into `rows` where a set clock begins anew. notes: what was found, without the topic's name.
+    """
+
+    rows: NDArray[np.intp]
+    times: Nanoseconds
+    restarts: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def timeline(stamps: Nanoseconds, log_times: Nanoseconds) -> Timeline:
+    """Put rows in order: drop stray and duplicate stamps, sort late ones, carry on over clocks set back.
+
+    stamps, log_times: (n,) ns in the order of logging; the log times serve only to measure the pause at which
+    a clock was set.
+    """
+    notes: list[str] = []
+    rows = np.arange(len(stamps))
+    if len(stamps) > 1 and not np.all(stamps[1:] > stamps[:-1]):
+        rows, times, restarts = _straighten(stamps, log_times, notes)
+    else:
+        times, restarts = stamps, ()
+    return Timeline(rows, times, restarts, tuple(notes))
+
+
+def _straighten(
+    stamps: Nanoseconds, log_times: Nanoseconds, notes: list[str]
+) -> tuple[NDArray[np.intp], Nanoseconds, tuple[int, ...]]:
+    rows = _without_strays(stamps)
+    if len(rows) < len(stamps):
+        notes.append(f"{len(stamps) - len(rows)} messages with stray stamps left out")
+    times = stamps[rows].copy()
+    period = usual_period(np.sort(times))
+    starts = [0, *(np.flatnonzero(np.diff(times) < -JUMP) + 1), len(rows)]
+    ordered: list[NDArray[np.intp]] = []
+    restarts: list[int] = []
+    late = duplicates = kept = 0
+    last = 0
+    for number, (start, stop) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+        part = times[start:stop]
+        if number:
+            pause = max(int(log_times[rows[start]] - log_times[rows[start - 1]]), period)
+            part += last + pause - part[0]
+            restarts.append(kept)
+        order = np.argsort(part, kind="stable")
+        late += int(np.count_nonzero(part < np.maximum.accumulate(part)))
+        part[:] = part[order]
+        fresh = np.concatenate(([True], np.diff(part) > 0))
+        if number:
+            fresh &= part > last
+        duplicates += int(len(part) - np.count_nonzero(fresh))
+        chosen = start + np.flatnonzero(fresh)
+        ordered.append(np.column_stack((rows[start + order[fresh]], times[chosen])))
+        kept += len(chosen)
+        last = int(part[-1])
+    if late:
+        notes.append(f"{late} messages out of order, sorted by stamp")
+    if duplicates:
+        notes.append(f"{duplicates} messages with a stamp seen before left out")
+    if restarts:
+        notes.append(f"clock set back {len(restarts)} times; time carried on by the log time there, recording cut")
+    table = np.concatenate(ordered)
+    return table[:, 0], table[:, 1], tuple(restarts)
+
+
+def _without_strays(stamps: Nanoseconds) -> NDArray[np.intp]:
+    """Rows without short runs that leave the clock by more than JUMP and are followed by the old clock going on."""
+    edges = np.flatnonzero(np.abs(np.diff(stamps)) > JUMP) + 1
+    keep = np.ones(len(stamps), dtype=np.bool_)
+    bounds = [0, *edges.tolist(), len(stamps)]
+    anchor: int | None = None  # last stamp of the last run that was kept
+    for index, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        following = int(stamps[stop]) if stop < len(stamps) else None
+        short = stop - start <= STRAY_RUN and len(bounds) > 2
+        if short and _goes_on(anchor, following, index == 0, len(stamps)):
+            keep[start:stop] = False
+        else:
+            anchor = int(stamps[stop - 1])
+    return np.flatnonzero(keep)
+
+
+def _goes_on(before: int | None, after: int | None, first: bool, count: int) -> bool:
+    """Whether the clock before a short run goes on after it; a short run at either end stands alone."""
+    if first or before is None or after is None:
+        return count > 4 * STRAY_RUN
+    return abs(after - before) <= JUMP
+
+
+def usual_period(times: Nanoseconds) -> int:
+    """The median step between different times, ns; 0 with fewer than two."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return int(np.median(steps)) if len(steps) else 0
+
+
+def gap_limit(times: Nanoseconds) -> int:
+    """The longest step, ns, that is not yet a gap."""
+    return int(GAP_PERIODS * usual_period(times))
+
+
+def dropped(times: Nanoseconds) -> int:
+    """How many messages are missing between rising times, 0 where the rate is not steady enough to say."""
+    period = usual_period(times)
+    if not period:
+        return 0
+    steps = np.diff(times) / period
+    if np.mean(np.abs(steps - 1.0) < 0.25) < 0.8:
+        return 0
+    return int(np.sum(np.maximum(np.rint(steps[steps > 1.5]) - 1.0, 0.0)))

@@ -1,0 +1,167 @@
+"""Where the signals are in a bag: the `signals:` block of an axis file."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from tcs_friction.errors import InputError
+
+REQUIRED = ("position", "torque")
+OPTIONAL = ("velocity", "temperature", "reference")
+SOURCE_KEYS = ("topic", "field", "joint", "scale")
+
+_STEP = re.compile(r"([A-Za-z_]\w*)((?:\[\d+\])*)")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known names most like `name`, for the end of an error message."""
+    names = list(dict.fromkeys(known))
+    if not names:
+        return "nothing else there"
+    folded = {candidate.lower(): candidate for candidate in names}
+    close = difflib.get_close_matches(name.lower(), folded, n=3, cutoff=0.4)
+    chosen = [folded[match] for match in close] or sorted(names)[:8]
+    return " or ".join(chosen) if close else f"one of {', '.join(chosen)}"
+
+
+@dataclass(frozen=True)
+class SignalSource:
+    """One signal: a topic, a dotted path to a number in its messages, and a factor to SI units.
+
+    `field` may index arrays (`points[0].positions[2]`); `joint` picks the element of the last array by the name
+    list beside it (`name`, `names` or `joint_names`), wherever the joint stands in each message.
+    """
+
+    topic: str
+    field: str
+    joint: str | None = None
+    scale: float = 1.0
+
+    @property
+    def steps(self) -> tuple[str | int, ...]:
+        """The path as names and indices: `a.b[3]` is ("a", "b", 3)."""
+        steps: list[str | int] = []
+        for part in self.field.split("."):
+            match = _STEP.fullmatch(part)
+            if match is None:
+                raise InputError(f"field {self.field!r}", f"{part!r} is no field name", "a dotted path like pose.x or data[0]")
+            steps.append(match[1])
+            steps.extend(int(index) for index in re.findall(r"\d+", match[2]))
+        return tuple(steps)
+
+    def __str__(self) -> str:
+        joint = f" of {self.joint}" if self.joint is not None else ""
+        return f"{self.topic} {self.field}{joint}"
+
+
+@dataclass(frozen=True)
+class SignalMap:
+    """Which recorded signal plays which part. Position and torque are needed, the rest is optional."""
+
+    position: SignalSource
+    torque: SignalSource
+    velocity: SignalSource | None = None
+    temperature: SignalSource | None = None
+    reference: SignalSource | None = None
+    exogenous: Mapping[str, SignalSource] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "exogenous", MappingProxyType(dict(self.exogenous)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (
+            SignalMap,
+            (self.position, self.torque, self.velocity, self.temperature, self.reference, dict(self.exogenous)),
+        )
+
+    def named(self) -> Iterator[tuple[str, SignalSource]]:
+        """Every signal there is with its name, position first."""
+        for name in (*REQUIRED, *OPTIONAL):
+            source = getattr(self, name)
+            if source is not None:
+                yield name, source
+        yield from self.exogenous.items()
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics needed, each once, the position's first."""
+        return tuple(dict.fromkeys(source.topic for _, source in self.named()))
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> SignalMap:
+        """Build from the `signals:` block as YAML gives it; `where` names the file in errors."""
+        block = _mapping(mapping, f"{where}: signals")
+        known = (*REQUIRED, *OPTIONAL, "exogenous")
+        _refuse_unknown(block, known, f"{where}: signals")
+        for name in REQUIRED:
+            if name not in block:
+                raise InputError(f"{where}: signals", f"{name} is missing", "at least position and torque")
+        sources = {
+            name: _source(block[name], f"{where}: signals.{name}")
+            for name in (*REQUIRED, *OPTIONAL)
+            if block.get(name) is not None
+        }
+        others = _mapping(block.get("exogenous") or {}, f"{where}: signals.exogenous")
+        exogenous = {str(name): _source(entry, f"{where}: signals.exogenous.{name}") for name, entry in others.items()}
+        for name in exogenous:
+            if name in known:
+                raise InputError(f"{where}: signals.exogenous", f"{name} is a signal of the axis", "another name")
+        return cls(exogenous=exogenous, **sources)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The `signals:` block that `from_mapping` reads back to an equal map."""
+        block: dict[str, Any] = {
+            name: _entry(getattr(self, name)) for name in (*REQUIRED, *OPTIONAL) if getattr(self, name) is not None
+        }
+        if self.exogenous:
+            block["exogenous"] = {name: _entry(source) for name, source in self.exogenous.items()}
+        return block
+
+
+def _entry(source: SignalSource) -> dict[str, Any]:
+    entry: dict[str, Any] = {"topic": source.topic, "field": source.field}
+    if source.joint is not None:
+        entry["joint"] = source.joint
+    if source.scale != 1.0:
+        entry["scale"] = source.scale
+    return entry
+
+
+def _source(entry: Any, where: str) -> SignalSource:
+    block = _mapping(entry, where)
+    _refuse_unknown(block, SOURCE_KEYS, where)
+    for key in ("topic", "field"):
+        if not isinstance(block.get(key), str) or not block[key]:
+            raise InputError(where, f"{key} is {block.get(key)!r}", "a name")
+    joint = block.get("joint")
+    if joint is not None and not isinstance(joint, str):
+        raise InputError(where, f"joint is {joint!r}", "a name (quote it if it is a number)")
+    scale = block.get("scale", 1.0)
+    if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale) or scale == 0:
+        raise InputError(where, f"scale is {scale!r}", "a finite number other than 0")
+    source = SignalSource(block["topic"], block["field"], joint, float(scale))
+    try:
+        steps = source.steps
+    except InputError as error:
+        raise InputError(where, f"{error.where}: {error.found}", error.expected) from None
+    if joint is not None and isinstance(steps[-1], int):
+        raise InputError(where, f"joint {joint} and an index in {source.field}", "one of the two")
+    return source
+
+
+def _mapping(entry: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(entry, Mapping):
+        raise InputError(where, f"{entry!r}", "a mapping")
+    return entry
+
+
+def _refuse_unknown(block: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    for key in block:
+        if key not in tuple(known):
+            raise InputError(where, f"unknown key {key!r}", nearest(str(key), known))
