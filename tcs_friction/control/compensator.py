@@ -1,0 +1,156 @@
+"""Friction compensation driven by the reference: LuGre, and the Stribeck curve alone for comparison.
+
+The reference speed is used because it is clean where it matters, at the reversal. A torque commanded now acts after
+the actuation delay and is held for one tick, so friction is predicted for the middle of that time:
+
+    v(t + lead) = v_ref + a_ref lead,      lead = actuation delay + half a tick.
+
+Each direction of motion has its own parameters; the bristle is one and the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from tcs_friction.control.config_field import setting, validate
+from tcs_friction.physics.friction.lugre import friction, stribeck_level
+from tcs_friction.physics.terms import EXOGENOUS, TRAVEL, VELOCITY
+
+# parameter slots: six of the positive direction, six of the negative, then
+_NEGATIVE, _LEAD, _DT = 6, 12, 13
+# state slots; the motion vector that the friction kernel reads follows
+DEFLECTION, _SPEED, _PRIMED, _STATE_HEADER = 0, 1, 2, 3
+STATES = _STATE_HEADER + EXOGENOUS
+
+_SIGNATURE = "f8(f8[::1], f8[::1], f8, f8)"
+
+
+@dataclass(frozen=True)
+class LugreParameters:
+    """LuGre friction of one direction, in the order of the friction law's kernel."""
+
+    coulomb: float = setting(78.1, "N m", 1e-12, 1e9, "friction torque of steady sliding")
+    static: float = setting(117.2, "N m", 1e-12, 1e9, "largest friction torque before sliding")
+    stribeck_velocity: float = setting(6.1e-4, "rad/s", 1e-12, 1e6, "speed over which static falls to coulomb")
+    stiffness: float = setting(2.96e5, "N m/rad", 1e-9, 1e15, "bristle stiffness, sigma0")
+    damping: float = setting(3.4e4, "N m s/rad", 0.0, 1e15, "bristle damping, sigma1")
+    viscous: float = setting(572.0, "N m s/rad", 0.0, 1e12, "viscous coefficient, sigma2")
+
+    def validate(self, where: str = "lugre") -> None:
+        """Raises InputError naming every value that is out of its range or not a number."""
+        validate(self, where)
+
+    def packed(self) -> tuple[float, ...]:
+        """The values in the kernel's order."""
+        return (
+            self.coulomb,
+            self.static,
+            self.stribeck_velocity,
+            self.stiffness,
+            self.damping,
+            self.viscous,
+        )
+
+
+@dataclass(frozen=True)
+class CompensatorConfig:
+    """Both directions' friction and the known delay of the actuation."""
+
+    positive: LugreParameters = field(default_factory=LugreParameters)
+    negative: LugreParameters = field(default_factory=LugreParameters)
+    actuation_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay between the commanded torque and its action")
+
+    def validate(self, where: str = "compensator") -> None:
+        """Raises InputError naming every value that is out of its range or not a number."""
+        validate(self, where)
+        self.positive.validate(f"{where} positive direction")
+        self.negative.validate(f"{where} negative direction")
+
+
+def compensator_parameters(config: CompensatorConfig, dt: float) -> NDArray[np.float64]:
+    """The kernels' parameter array for a tick of `dt` seconds."""
+    lead = config.actuation_delay + 0.5 * dt
+    return np.array([*config.positive.packed(), *config.negative.packed(), lead, dt])
+
+
+@njit(_SIGNATURE, cache=True)
+def lugre_step(state, parameters, v_ref, a_ref):  # type: ignore[no-untyped-def]
+    """One tick: the torque to add to the command. `state` is updated in place."""
+    velocity = v_ref + a_ref * parameters[_LEAD]
+    if state[_PRIMED] == 0.0:
+        state[_PRIMED] = 1.0
+        state[_SPEED] = velocity
+    motion = state[_STATE_HEADER:]
+    motion[VELOCITY] = velocity
+    motion[TRAVEL] = 0.5 * (state[_SPEED] + velocity) * parameters[_DT]
+    state[_SPEED] = velocity
+    bristle = state[DEFLECTION:_SPEED]
+    if velocity < 0.0:
+        return friction(motion, parameters[_NEGATIVE:_LEAD], bristle, parameters[_DT])
+    return friction(motion, parameters[:_NEGATIVE], bristle, parameters[_DT])
+
+
+@njit(_SIGNATURE, cache=True)
+def stribeck_step(state, parameters, v_ref, a_ref):  # type: ignore[no-untyped-def]
+    """One tick of the memoryless feed-forward: the Stribeck curve at the reference speed, 0 at rest."""
+    velocity = v_ref + a_ref * parameters[_LEAD]
+    if velocity == 0.0:
+        return 0.0
+    at = _NEGATIVE if velocity < 0.0 else 0
+    level = stribeck_level(velocity, parameters[at], parameters[at + 1], parameters[at + 2])
+    return np.copysign(level, velocity) + parameters[at + 5] * velocity
+
+
+class Compensator(Protocol):
+    """A feed-forward of friction, one `step` a tick."""
+
+    def step(self, v_ref: float, a_ref: float) -> float:
+        """The torque to add to the command (N m), from this tick's reference speed and acceleration."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+
+class _KernelCompensator:
+    def __init__(self, config: CompensatorConfig, dt: float) -> None:
+        self._state = np.zeros(STATES)
+        self.dt = dt
+        self.configure(config)
+
+    def configure(self, config: CompensatorConfig) -> None:
+        """Use other parameters from the next tick; raises InputError and changes nothing if any is bad."""
+        config.validate()
+        self.config = config
+        self.parameters = compensator_parameters(config, self.dt)
+
+    def reset(self) -> None:
+        """Forget the bristle's deflection."""
+        self._state[:] = 0.0
+
+
+class LugreCompensator(_KernelCompensator):
+    """The LuGre model run on the reference motion."""
+
+    def step(self, v_ref: float, a_ref: float) -> float:
+        """The torque to add to the command (N m), from this tick's reference speed and acceleration."""
+        torque: float = lugre_step(self._state, self.parameters, v_ref, a_ref)
+        return torque
+
+    @property
+    def deflection(self) -> float:
+        """The modelled bristle deflection (rad)."""
+        return float(self._state[DEFLECTION])
+
+
+class StribeckFeedforward(_KernelCompensator):
+    """Static friction feed-forward, without the bristle."""
+
+    def step(self, v_ref: float, a_ref: float) -> float:
+        """The torque to add to the command (N m), from this tick's reference speed and acceleration."""
+        torque: float = stribeck_step(self._state, self.parameters, v_ref, a_ref)
+        return torque

@@ -1,0 +1,113 @@
+"""Settings of a configuration: default, unit, range and description, declared once beside the field itself.
+
+A configuration is a frozen dataclass whose fields are made with `setting` or `choice`. ROS parameter
+descriptors, validation and files all read the same declaration:
+
+    @dataclass(frozen=True)
+    class ObserverConfig:
+        bandwidth: float = setting(10.0, "Hz", 0.1, 200.0, "cut-off of the Q filter")
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, TypeVar, cast
+
+from tcs_friction.errors import InputError
+from tcs_friction.physics.terms import nearest
+
+Config = TypeVar("Config")
+_KEY = "setting"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is declared of one field. `lower` and `upper` are inclusive; a `choice` has `options` instead."""
+
+    name: str
+    default: float | int | bool | str
+    unit: str
+    lower: float | None
+    upper: float | None
+    description: str
+    options: tuple[str, ...] = ()
+
+    def problem(self, value: object) -> tuple[str, str] | None:
+        """What is wrong with a value and what was expected, or None when it may be used."""
+        if isinstance(self.default, str):
+            return None if value in self.options else (repr(value), "one of " + ", ".join(self.options))
+        if isinstance(self.default, bool):
+            return None if isinstance(value, bool) else (repr(value), "true or false")
+        number = "a whole number" if isinstance(self.default, int) else "a number"
+        within = f"{number} from {self.lower:g} to {self.upper:g} {self.unit}".rstrip()
+        kinds = (int,) if isinstance(self.default, int) else (int, float)
+        if isinstance(value, bool) or not isinstance(value, kinds):
+            return repr(value), within
+        # written so that NaN, which compares false with everything, is refused
+        if not (cast(float, self.lower) <= value <= cast(float, self.upper)):
+            return f"{value:g}", within
+        return None
+
+
+def setting(default: float, unit: str, lower: float, upper: float, description: str) -> Any:
+    """A number (or a bool) with its unit and inclusive range; an int default makes a whole number.
+
+    The default must lie in the range: a wrong declaration raises ValueError where the class is written.
+    """
+    if not (lower <= default <= upper) or not math.isfinite(default):
+        raise ValueError(f"default {default!r} of a setting is outside its range {lower!r} to {upper!r}")
+    return field(default=default, metadata={_KEY: (unit, lower, upper, description, ())})
+
+
+def switch(default: bool, description: str) -> Any:
+    """A setting that is true or false."""
+    return field(default=default, metadata={_KEY: ("", None, None, description, ())})
+
+
+def choice(default: str, options: Sequence[str], description: str) -> Any:
+    """A setting that is one of the named options."""
+    if default not in options:
+        raise ValueError(f"default {default!r} of a setting is not one of {', '.join(options)}")
+    return field(default=default, metadata={_KEY: ("", None, None, description, tuple(options))})
+
+
+def settings(config: type[Any] | Any) -> tuple[Setting, ...]:
+    """The declared settings of a configuration class or object, in order of declaration."""
+    return tuple(_setting_of(entry) for entry in fields(config) if _KEY in entry.metadata)
+
+
+def _setting_of(entry: Field[Any]) -> Setting:
+    assert entry.default is not MISSING
+    unit, lower, upper, description, options = entry.metadata[_KEY]
+    return Setting(entry.name, entry.default, unit, lower, upper, description, options)
+
+
+def validate(config: Any, where: str) -> None:
+    """Refuse a configuration with any bad value; raises InputError naming every one of them."""
+    found: list[str] = []
+    for declared in settings(config):
+        problem = declared.problem(getattr(config, declared.name))
+        if problem is not None:
+            found.append(f"{declared.name} is {problem[0]}, expected {problem[1]}")
+    if found:
+        raise InputError(where, "; ".join(found))
+
+
+def from_mapping(config_class: type[Config], mapping: Mapping[str, object], where: str) -> Config:
+    """A validated configuration from a file's mapping; absent keys take their defaults.
+
+    Raises InputError for an unknown key (naming the nearest known one) and for any value out of its range.
+    """
+    declared = {entry.name: entry for entry in settings(config_class)}
+    for key in mapping:
+        if key not in declared:
+            raise InputError(where, f"unknown key {key!r}", nearest(str(key), list(declared)))
+    values: dict[str, Any] = {}
+    for key, value in mapping.items():
+        whole = isinstance(declared[key].default, float) and type(value) is int
+        values[key] = float(cast(int, value)) if whole else value
+    config = config_class(**values)
+    validate(config, where)
+    return config

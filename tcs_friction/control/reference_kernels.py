@@ -1,0 +1,210 @@
+"""The formulas of the references, compiled: parameters and time to position, speed and acceleration."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+EARTH_RADIUS = 6.371e6
+"""Mean radius, m (IUGG)."""
+EARTH_GRAVITY = 3.986004418e14
+"""Gravitational parameter, m^3/s^2 (WGS 84)."""
+SIDEREAL_RATE = 7.292115e-5
+"""The Earth's rate of rotation, rad/s (WGS 84)."""
+
+_SAMPLE = "UniTuple(f8, 3)(f8[::1], f8)"
+
+
+@njit(_SAMPLE, cache=True)
+def _hold(parameters, t):  # type: ignore[no-untyped-def]
+    return parameters[0], 0.0, 0.0
+
+
+@njit(_SAMPLE, cache=True)
+def _constant_speed(parameters, t):  # type: ignore[no-untyped-def]
+    velocity, start = parameters[0], parameters[1]
+    return start + velocity * t, velocity, 0.0
+
+
+@njit(_SAMPLE, cache=True)
+def _sinusoid(parameters, t):  # type: ignore[no-untyped-def]
+    amplitude, rate, phase, center = parameters[0], parameters[1], parameters[2], parameters[3]
+    swing = amplitude * math.sin(rate * t + phase)
+    return center + swing, amplitude * rate * math.cos(rate * t + phase), -rate * rate * swing
+
+
+@njit(_SAMPLE, cache=True)
+def _multisine(parameters, t):  # type: ignore[no-untyped-def]
+    amplitude, lowest, step, count, center = (
+        parameters[0],
+        parameters[1],
+        parameters[2],
+        int(parameters[3]),
+        parameters[4],
+    )
+    position, velocity, acceleration = center, 0.0, 0.0
+    for k in range(count):
+        rate = lowest + k * step
+        angle = rate * t - math.pi * k * (k + 1) / count  # Schroeder 1970
+        position += amplitude / rate * math.sin(angle)
+        velocity += amplitude * math.cos(angle)
+        acceleration -= amplitude * rate * math.sin(angle)
+    return position, velocity, acceleration
+
+
+@njit(_SAMPLE, cache=True)
+def _swept_sine(parameters, t):  # type: ignore[no-untyped-def]
+    amplitude, lowest, growth, sweep, center = (
+        parameters[0],
+        parameters[1],
+        parameters[2],
+        parameters[3],
+        parameters[4],
+    )
+    if growth * sweep == 0.0:  # no sweep at all: a plain sine
+        rate, bend, angle, jerk = lowest, 0.0, lowest * t, 0.0
+    elif t < sweep:
+        rate = lowest * math.exp(growth * t)
+        bend, jerk = growth * rate, growth * growth * rate
+        angle = (rate - lowest) / growth
+    else:
+        rate, bend, jerk = lowest * math.exp(growth * sweep), 0.0, 0.0
+        angle = (rate - lowest) / growth + rate * (t - sweep)
+    # position = center - amplitude/rate cos(angle): its speed amplitude is `amplitude` but for the slow term in bend
+    radius = amplitude / rate
+    slope = -radius * bend / rate
+    curve = -slope * bend / rate - radius * (jerk / rate - bend * bend / (rate * rate))
+    position = center - radius * math.cos(angle)
+    velocity = -slope * math.cos(angle) + radius * rate * math.sin(angle)
+    acceleration = -curve * math.cos(angle) + 2.0 * slope * rate * math.sin(angle)
+    acceleration += radius * (bend * math.sin(angle) + rate * rate * math.cos(angle))
+    return position, velocity, acceleration
+
+
+@njit(_SAMPLE, cache=True)
+def _steps(parameters, t):  # type: ignore[no-untyped-def]
+    start, height, dwell, count = parameters[0], parameters[1], parameters[2], int(parameters[3])
+    phase = int(math.floor(t / dwell)) % (2 * count)
+    level = phase if phase <= count else 2 * count - phase
+    return start + height * level, 0.0, 0.0
+
+
+@njit(_SAMPLE, cache=True)
+def _turn(parameters, t):  # type: ignore[no-untyped-def]
+    """A reversal from -speed to +speed around t = 0: offset from its middle, speed, acceleration."""
+    speed, turn, peak = parameters[0], parameters[2], parameters[3]
+    rate = 2.0 * math.pi / turn
+    velocity = 0.5 * peak * (t + math.sin(rate * t) / rate)
+    position = 0.5 * peak * (0.5 * t * t + (1.0 - math.cos(rate * t)) / (rate * rate))
+    return position, velocity, 0.5 * peak * (1.0 + math.cos(rate * t))
+
+
+@njit(_SAMPLE, cache=True)
+def _legs(parameters, t):  # type: ignore[no-untyped-def]
+    speed, leg, turn, start = parameters[0], parameters[1], parameters[2], parameters[4]
+    half = leg + turn
+    count = math.floor(t / half + 0.5)
+    since = t - count * half  # from the middle of the nearest reversal
+    way = 1.0 if int(count) % 2 == 0 else -1.0  # even reversals turn to positive speed
+    inner = min(max(since, -0.5 * turn), 0.5 * turn)
+    position, velocity, acceleration = _turn(parameters, inner)
+    edge = abs(since) - 0.5 * turn
+    if edge > 0.0:
+        position += speed * edge
+        velocity, acceleration = math.copysign(speed, since), 0.0
+    top = 2.0 * _turn(parameters, 0.5 * turn)[0] + speed * leg  # between the two places of reversal
+    base = start if way > 0.0 else start + top
+    return base + way * position, way * velocity, way * acceleration
+
+
+@njit("UniTuple(f8, 3)(f8, f8, f8, f8, f8, f8)", cache=True)
+def _bearing(x, y, vx, vy, ax, ay):  # type: ignore[no-untyped-def]
+    """Angle atan2(x, y) with its first and second derivative."""
+    square = x * x + y * y
+    cross = vx * y - x * vy
+    rate = cross / square
+    change = ((ax * y - x * ay) - 2.0 * rate * (x * vx + y * vy)) / square
+    return math.atan2(x, y), rate, change
+
+
+@njit("UniTuple(f8, 3)(f8, f8, f8, f8, f8, f8, f8, f8, f8)", cache=True)
+def _elevation(x, y, z, vx, vy, vz, ax, ay, az):  # type: ignore[no-untyped-def]
+    """Elevation atan2(z, hypot(x, y)) with its first and second derivative."""
+    ground = math.sqrt(x * x + y * y)
+    slope = (x * vx + y * vy) / ground
+    curve = (vx * vx + vy * vy + x * ax + y * ay - slope * slope) / ground
+    return _bearing(z, ground, vz, slope, az, curve)
+
+
+@njit(_SAMPLE, cache=True)
+def _satellite_pass(parameters, t):  # type: ignore[no-untyped-def]
+    """Station at EARTH_RADIUS on the z axis; the track runs along x and culminates at the angle `central` from z."""
+    radius, rate, central = parameters[1], parameters[2], parameters[3]
+    angle = rate * (t - parameters[4])
+    s, c = radius * math.sin(angle), radius * math.cos(angle)
+    side, up = math.sin(central), math.cos(central)
+    x, vx, ax = s, rate * c, -rate * rate * s
+    y, vy, ay = side * c, -side * rate * s, -side * rate * rate * c
+    z, vz, az = up * c - EARTH_RADIUS, -up * rate * s, -up * rate * rate * c
+    if parameters[0] == 0.0:
+        bearing, velocity, acceleration = _bearing(x, y, vx, vy, ax, ay)
+        return parameters[5] + bearing, velocity, acceleration
+    return _elevation(x, y, z, vx, vy, vz, ax, ay, az)
+
+
+@njit(_SAMPLE, cache=True)
+def _sidereal_track(parameters, t):  # type: ignore[no-untyped-def]
+    """Meeus, Astronomical Algorithms, ch. 13, as a vector (east, north, up)."""
+    hour = parameters[1] + SIDEREAL_RATE * t
+    declination, latitude = parameters[2], parameters[3]
+    w = SIDEREAL_RATE
+    ring, pole = math.cos(declination), math.sin(declination)
+    s, c = ring * math.sin(hour), ring * math.cos(hour)
+    across, along = math.cos(latitude), math.sin(latitude)
+    east, north, up = -s, pole * across - along * c, pole * along + across * c
+    v_east, v_north, v_up = -w * c, along * w * s, -across * w * s
+    a_east, a_north, a_up = w * w * s, along * w * w * c, -across * w * w * c
+    if parameters[0] != 0.0:
+        return _elevation(east, north, up, v_east, v_north, v_up, a_east, a_north, a_up)
+    # The jump of atan2 is laid where the star passes its lower culmination, and undone there.
+    days = math.floor((hour + math.pi) / (2.0 * math.pi))
+    if declination < latitude:  # culminates south of the zenith
+        bearing, velocity, acceleration = _bearing(-east, -north, -v_east, -v_north, -a_east, -a_north)
+        turns = days if latitude >= 0.0 else 0.0
+        return math.pi + bearing + 2.0 * math.pi * turns, velocity, acceleration
+    bearing, velocity, acceleration = _bearing(east, north, v_east, v_north, a_east, a_north)
+    turns = 0.0 if latitude >= 0.0 else -days
+    return bearing + 2.0 * math.pi * turns, velocity, acceleration
+
+
+@njit("UniTuple(f8, 3)(i8, f8[::1], f8)", cache=True)
+def sample(code, parameters, t):  # type: ignore[no-untyped-def]
+    """Position, speed, acceleration at time t (s) of the reference with this code, in the order of KINDS."""
+    if code == 0:
+        return _hold(parameters, t)
+    if code == 1:
+        return _constant_speed(parameters, t)
+    if code == 2:
+        return _sinusoid(parameters, t)
+    if code == 3:
+        return _multisine(parameters, t)
+    if code == 4:
+        return _swept_sine(parameters, t)
+    if code == 5:
+        return _steps(parameters, t)
+    if code == 6:
+        return _legs(parameters, t)
+    if code == 7:
+        return _satellite_pass(parameters, t)
+    return _sidereal_track(parameters, t)
+
+
+@njit("f8[:, ::1](i8, f8[::1], f8[::1])", cache=True)
+def sample_all(code, parameters, times):  # type: ignore[no-untyped-def]
+    """Shape (n, 3): `sample` at each time."""
+    samples = np.empty((times.size, 3))
+    for i in range(times.size):
+        samples[i] = sample(code, parameters, times[i])
+    return samples
