@@ -1,7 +1,8 @@
 """Friction compensation driven by the reference: LuGre, and the Stribeck curve alone for comparison.
 
-The reference speed is used because it is clean where it matters, at the reversal. A torque commanded now acts after
-the actuation delay and is held for one tick, so friction is predicted for the middle of that time:
+The reference speed is used because it is clean where it matters, at the reversal. A torque commanded now
+acts after the actuation delay and is held for one tick, so friction is predicted for the middle of that
+time:
 
     v(t + lead) = v_ref + a_ref lead,      lead = actuation delay + half a tick.
 
@@ -10,6 +11,7 @@ Each direction of motion has its own parameters; the bristle is one and the same
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -20,6 +22,8 @@ from numpy.typing import NDArray
 from tcs_friction.control.config_field import setting, validate
 from tcs_friction.physics.friction.lugre import friction, stribeck_level
 from tcs_friction.physics.terms import EXOGENOUS, TRAVEL, VELOCITY
+
+Array = NDArray[np.float64]
 
 # parameter slots: six of the positive direction, six of the negative, then
 _NEGATIVE, _LEAD, _DT = 6, 12, 13
@@ -36,7 +40,9 @@ class LugreParameters:
 
     coulomb: float = setting(78.1, "N m", 1e-12, 1e9, "friction torque of steady sliding")
     static: float = setting(117.2, "N m", 1e-12, 1e9, "largest friction torque before sliding")
-    stribeck_velocity: float = setting(6.1e-4, "rad/s", 1e-12, 1e6, "speed over which static falls to coulomb")
+    stribeck_velocity: float = setting(
+        6.1e-4, "rad/s", 1e-12, 1e6, "speed over which static falls to coulomb"
+    )
     stiffness: float = setting(2.96e5, "N m/rad", 1e-9, 1e15, "bristle stiffness, sigma0")
     damping: float = setting(3.4e4, "N m s/rad", 0.0, 1e15, "bristle damping, sigma1")
     viscous: float = setting(572.0, "N m s/rad", 0.0, 1e12, "viscous coefficient, sigma2")
@@ -63,7 +69,9 @@ class CompensatorConfig:
 
     positive: LugreParameters = field(default_factory=LugreParameters)
     negative: LugreParameters = field(default_factory=LugreParameters)
-    actuation_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay between the commanded torque and its action")
+    actuation_delay: float = setting(
+        0.0, "s", 0.0, 0.1, "known delay between the commanded torque and its action"
+    )
 
     def validate(self, where: str = "compensator") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
@@ -72,14 +80,14 @@ class CompensatorConfig:
         self.negative.validate(f"{where} negative direction")
 
 
-def compensator_parameters(config: CompensatorConfig, dt: float) -> NDArray[np.float64]:
+def compensator_parameters(config: CompensatorConfig, dt: float) -> Array:
     """The kernels' parameter array for a tick of `dt` seconds."""
     lead = config.actuation_delay + 0.5 * dt
     return np.array([*config.positive.packed(), *config.negative.packed(), lead, dt])
 
 
 @njit(_SIGNATURE, cache=True)
-def lugre_step(state, parameters, v_ref, a_ref):  # type: ignore[no-untyped-def]
+def lugre_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> float:
     """One tick: the torque to add to the command. `state` is updated in place."""
     velocity = v_ref + a_ref * parameters[_LEAD]
     if state[_PRIMED] == 0.0:
@@ -96,14 +104,14 @@ def lugre_step(state, parameters, v_ref, a_ref):  # type: ignore[no-untyped-def]
 
 
 @njit(_SIGNATURE, cache=True)
-def stribeck_step(state, parameters, v_ref, a_ref):  # type: ignore[no-untyped-def]
+def stribeck_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> float:
     """One tick of the memoryless feed-forward: the Stribeck curve at the reference speed, 0 at rest."""
     velocity = v_ref + a_ref * parameters[_LEAD]
     if velocity == 0.0:
         return 0.0
     at = _NEGATIVE if velocity < 0.0 else 0
     level = stribeck_level(velocity, parameters[at], parameters[at + 1], parameters[at + 2])
-    return np.copysign(level, velocity) + parameters[at + 5] * velocity
+    return float(math.copysign(level, velocity) + parameters[at + 5] * velocity)
 
 
 class Compensator(Protocol):
@@ -123,7 +131,7 @@ class _KernelCompensator:
         self.configure(config)
 
     def configure(self, config: CompensatorConfig) -> None:
-        """Use other parameters from the next tick; raises InputError and changes nothing if any is bad."""
+        """Use other parameters from the next tick; a bad one raises InputError and changes nothing."""
         config.validate()
         self.config = config
         self.parameters = compensator_parameters(config, self.dt)

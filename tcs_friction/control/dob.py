@@ -2,10 +2,11 @@
 
     friction = Q(s) [u - (second s^2 + first s + constant) v]
 
-The sign is that of friction opposing positive motion (the paper writes the torque added to u). Q is a third-order
-Butterworth low-pass: its inverse model stays strictly proper also for the second-order plant of eq. 10, and at low
-frequency it delays by 2 / (2 pi bandwidth). Discretised exactly: the torque is held between ticks, as it really
-is, and the speed runs linearly between its samples, which under constant net torque it does.
+The sign is that of friction opposing positive motion (the paper writes the torque added to u). Q is a
+third-order Butterworth low-pass: its inverse model stays strictly proper also for the second-order plant of
+eq. 10, and at low frequency it delays by 2 / (2 pi bandwidth). Discretised exactly: the torque is held
+between ticks, as it really is, and the speed runs linearly between its samples, which under constant net
+torque it does.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ class DobConfig:
 
     plant: NominalPlant = field(default_factory=NominalPlant)
     bandwidth: float = setting(10.0, "Hz", 0.01, 1000.0, "cut-off frequency of the Q filter")
-    actuation_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay between the logged torque and its action")
+    actuation_delay: float = setting(
+        0.0, "s", 0.0, 0.1, "known delay between the logged torque and its action"
+    )
     velocity_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay of the measured speed (its filter)")
 
     def validate(self, where: str = "dob") -> None:

@@ -1,7 +1,7 @@
 """Kalman observer of friction: an alternative to the disturbance observer, with the same interface.
 
-State: the nominal plant's speed (and its derivative where the plant is of second order) and the friction torque as
-a random walk. The gain is the stationary one, from the discrete Riccati equation.
+State: the nominal plant's speed (and its derivative where the plant is of second order) and the friction
+torque as a random walk. The gain is the stationary one, from the discrete Riccati equation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ class KalmanConfig:
     plant: NominalPlant = field(default_factory=NominalPlant)
     friction_walk: float = setting(100.0, "N m/s^0.5", 1e-9, 1e9, "RMS change of friction within one second")
     velocity_noise: float = setting(1e-5, "rad/s", 1e-15, 1e3, "RMS noise of one speed measurement")
-    actuation_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay between the logged torque and its action")
+    actuation_delay: float = setting(
+        0.0, "s", 0.0, 0.1, "known delay between the logged torque and its action"
+    )
     velocity_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay of the measured speed (its filter)")
 
     def validate(self, where: str = "observer") -> None:

@@ -1,20 +1,21 @@
-"""Linear disturbance observers: the one kernel that the disturbance observer and the Kalman observer share.
+"""Linear disturbance observers: the kernel that the disturbance observer and the Kalman observer share.
 
-An observer takes the torque and the measured speed and estimates the friction torque (positive when it opposes
-positive motion). Whatever its design, it is a linear discrete system
+An observer takes the torque and the measured speed and estimates the friction torque (positive when it
+opposes positive motion). Whatever its design, it is a linear discrete system
 
     x[k] = F x[k-1] + g_new u_new + g_old u_old + h_0 v[k-1] + h_1 v[k],      friction[k] = c x[k]
 
 where v is the measured speed and the torque acting during the tick that ends at k is u_old at first and u_new
 from the known delay's fraction of a tick on.
 
-Friction must not be cancelled twice. A compensator's torque is part of the torque, so `friction` is all of it,
-cancelled or not: it is what identification wants. What may be fed back beside a compensator is only the rest,
+Friction must not be cancelled twice. A compensator's torque is part of the torque, so `friction` is all of
+it, cancelled or not: it is what identification wants. What may be fed back beside a compensator is only the
+rest,
 
     rest = friction - Q(compensation),
 
-with Q the observer's own response from torque to estimate, delay included. The second copy of x does this. With
-an exact model rest = Q(friction - compensation), whatever the compensator gets right or wrong.
+with Q the observer's own response from torque to estimate, delay included. The second copy of x does this.
+With an exact model rest = Q(friction - compensation), whatever the compensator gets right or wrong.
 """
 
 from __future__ import annotations
@@ -48,9 +49,13 @@ class NominalPlant:
     Leave B at 0 to have viscous friction counted in the friction estimate.
     """
 
-    second: float = setting(0.0, "N m s^3/rad", 0.0, 1e12, "nominal plant: torque per second derivative of speed")
+    second: float = setting(
+        0.0, "N m s^3/rad", 0.0, 1e12, "nominal plant: torque per second derivative of speed"
+    )
     first: float = setting(1000.0, "kg m^2", 1e-12, 1e12, "nominal plant: inertia, torque per acceleration")
-    constant: float = setting(0.0, "N m s/rad", 0.0, 1e12, "nominal plant: viscous coefficient, torque per speed")
+    constant: float = setting(
+        0.0, "N m s/rad", 0.0, 1e12, "nominal plant: viscous coefficient, torque per speed"
+    )
 
     def validate(self, where: str = "nominal plant") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
@@ -94,7 +99,7 @@ def held_input(dynamics: Array, gain: Array, span: float) -> Array:
 
 
 def delayed_torque(dynamics: Array, gain: Array, delay: float, dt: float) -> tuple[Array, Array, int]:
-    """Exact gains of the torque that starts within the tick and of the one before it, and whole ticks of delay."""
+    """Exact gains of the torque that starts within the tick and of the one before; whole ticks of delay."""
     ticks, rest = split_delay(delay, dt)
     new = held_input(dynamics, gain, dt - rest)
     old = expm(dynamics * (dt - rest)) @ held_input(dynamics, gain, rest)
@@ -120,7 +125,7 @@ def pack(design: Design) -> tuple[Array, Array]:
 
 
 @njit("void(f8[::1], f8[::1], i8, f8, f8, f8)", cache=True)
-def _settle(state, parameters, at, new, before, now):  # type: ignore[no-untyped-def]
+def _settle(state: Array, parameters: Array, at: int, new: float, before: float, now: float) -> None:
     """Put the copy of x at `at` where it would come to rest under these inputs held for ever."""
     n = int(parameters[_ORDER])
     gains = _PARAMETER_HEADER + n * n
@@ -135,7 +140,9 @@ def _settle(state, parameters, at, new, before, now):  # type: ignore[no-untyped
 
 
 @njit("f8(f8[::1], f8[::1], i8, f8, f8, f8, f8)", cache=True)
-def _advance(state, parameters, at, new, old, before, now):  # type: ignore[no-untyped-def]
+def _advance(
+    state: Array, parameters: Array, at: int, new: float, old: float, before: float, now: float
+) -> float:
     """Advance the copy of x at `at` by one tick and return its output."""
     n = int(parameters[_ORDER])
     gains = _PARAMETER_HEADER + n * n
@@ -160,7 +167,9 @@ def _advance(state, parameters, at, new, old, before, now):  # type: ignore[no-u
 
 
 @njit("f8(f8[::1], f8[::1], f8, f8, f8)", cache=True)
-def observer_step(state, parameters, torque, velocity, compensation):  # type: ignore[no-untyped-def]
+def observer_step(
+    state: Array, parameters: Array, torque: float, velocity: float, compensation: float
+) -> float:
     """One tick: the friction estimate, also in state[ESTIMATE]; state[REST] is what is not yet cancelled.
 
     `torque` is the one held during the tick that ends now, `compensation` the compensator's part of it,

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from tcs_friction.control.config_field import setting, validate
 
+Array = NDArray[np.float64]
+
 # parameter slots
 _POSITION_P, _POSITION_I, _POSITION_D = 0, 1, 2
 _VELOCITY_P, _VELOCITY_I, _VELOCITY_D = 3, 4, 5
@@ -56,7 +58,7 @@ class PidConfig:
         validate(self, where)
 
 
-def pid_parameters(config: PidConfig, dt: float) -> NDArray[np.float64]:
+def pid_parameters(config: PidConfig, dt: float) -> Array:
     """The kernel's parameter array for a tick of `dt` seconds."""
     parameters = np.empty(PARAMETERS)
     parameters[:11] = (
@@ -83,7 +85,16 @@ def pid_parameters(config: PidConfig, dt: float) -> NDArray[np.float64]:
 
 
 @njit(_SIGNATURE, cache=True)
-def pid_step(state, parameters, position, velocity, q_ref, v_ref, a_ref, added):  # type: ignore[no-untyped-def]
+def pid_step(
+    state: Array,
+    parameters: Array,
+    position: float,
+    velocity: float,
+    q_ref: float,
+    v_ref: float,
+    a_ref: float,
+    added: float,
+) -> float:
     """One tick: the limited torque command. `state` is updated in place; `added` is torque to cancel."""
     dt = parameters[_DT]
     error = q_ref - position
@@ -124,7 +135,7 @@ def pid_step(state, parameters, position, velocity, q_ref, v_ref, a_ref, added):
     if parameters[_VELOCITY_I] > 0.0:
         state[_VELOCITY_INTEGRAL] += parameters[_VELOCITY_I] * lag * dt
         state[_VELOCITY_INTEGRAL] -= parameters[_UNWIND] * (wanted - torque)
-    return torque
+    return float(torque)
 
 
 class DoubleLoopPid:
@@ -136,7 +147,7 @@ class DoubleLoopPid:
         self.configure(config)
 
     def configure(self, config: PidConfig) -> None:
-        """Use another configuration from the next tick; raises InputError and changes nothing if it is bad."""
+        """Use another configuration from the next tick; a bad one raises InputError and changes nothing."""
         config.validate()
         self.config = config
         self.parameters = pid_parameters(config, self.dt)
@@ -152,7 +163,5 @@ class DoubleLoopPid:
 
         `added` is torque put on top: friction compensation and the disturbance observer's feedback.
         """
-        torque: float = pid_step(
-            self._state, self.parameters, position, velocity, q_ref, v_ref, a_ref, added
-        )
+        torque: float = pid_step(self._state, self.parameters, position, velocity, q_ref, v_ref, a_ref, added)
         return torque

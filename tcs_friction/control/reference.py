@@ -1,7 +1,7 @@
 """References: where the axis should be at time t, with the exact first and second derivative.
 
-A reference is a frozen configuration of one of the `KINDS`. `Reference` evaluates it for one instant (a node's tick)
-or for an array of instants with the same compiled formula.
+A reference is a frozen configuration of one of the `KINDS`. `Reference` evaluates it for one instant (a
+node's tick) or for an array of instants with the same compiled formula.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Multisine:
 
 @dataclass(frozen=True)
 class SweptSine:
-    """A sine of constant speed amplitude whose frequency rises exponentially; then it stays at the last one."""
+    """A sine of constant speed amplitude; its frequency rises exponentially, then stays at the last one."""
 
     velocity_amplitude: float = setting(1e-3, "rad/s", 0.0, 1e3, "speed amplitude")
     lowest_frequency: float = setting(0.1, "Hz", 1e-6, 1e4, "frequency at the start")
@@ -121,9 +121,9 @@ class Steps:
 
 @dataclass(frozen=True)
 class Legs:
-    """Legs of constant speed between smooth reversals, to and fro; starts at rest in the middle of a reversal.
+    """Legs of constant speed between smooth reversals, to and fro; starts amid a reversal, at rest.
 
-    Through a reversal the acceleration is a raised cosine that reaches `acceleration`: it lasts 4 speed / acceleration.
+    Through a reversal the acceleration is a raised cosine up to `acceleration`; lasts 4 speed / acceleration.
     """
 
     speed: float = setting(1.745e-3, "rad/s", 1e-12, 1e3, "speed of the legs")
@@ -161,7 +161,7 @@ class SatellitePass:
 
 @dataclass(frozen=True)
 class SiderealTrack:
-    """A star: azimuth (from north through east, without jumps) or elevation from hour angle and declination."""
+    """A star: azimuth (from north through east, no jumps) or elevation, from hour angle and declination."""
 
     axis: str = choice("azimuth", ("azimuth", "elevation"), "which axis of the mount")
     hour_angle: float = setting(-0.5, "rad", -10.0, 10.0, "hour angle at time 0")
@@ -205,7 +205,7 @@ def validate_reference(config: ReferenceConfig, where: str = "reference") -> Non
     if isinstance(config, SiderealTrack) and abs(config.declination - config.latitude) < 1e-3:
         raise InputError(
             where,
-            f"declination {config.declination:g} takes the star through the zenith at latitude {config.latitude:g}",
+            f"declination {config.declination:g} leads through the zenith at latitude {config.latitude:g}",
             "them to differ by 0.001 rad or more",
         )
 

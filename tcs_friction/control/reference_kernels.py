@@ -6,6 +6,10 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Sample = tuple[float, float, float]
 
 EARTH_RADIUS = 6.371e6
 """Mean radius, m (IUGG)."""
@@ -18,25 +22,25 @@ _SAMPLE = "UniTuple(f8, 3)(f8[::1], f8)"
 
 
 @njit(_SAMPLE, cache=True)
-def _hold(parameters, t):  # type: ignore[no-untyped-def]
+def _hold(parameters: Array, t: float) -> Sample:
     return parameters[0], 0.0, 0.0
 
 
 @njit(_SAMPLE, cache=True)
-def _constant_speed(parameters, t):  # type: ignore[no-untyped-def]
+def _constant_speed(parameters: Array, t: float) -> Sample:
     velocity, start = parameters[0], parameters[1]
     return start + velocity * t, velocity, 0.0
 
 
 @njit(_SAMPLE, cache=True)
-def _sinusoid(parameters, t):  # type: ignore[no-untyped-def]
+def _sinusoid(parameters: Array, t: float) -> Sample:
     amplitude, rate, phase, center = parameters[0], parameters[1], parameters[2], parameters[3]
     swing = amplitude * math.sin(rate * t + phase)
     return center + swing, amplitude * rate * math.cos(rate * t + phase), -rate * rate * swing
 
 
 @njit(_SAMPLE, cache=True)
-def _multisine(parameters, t):  # type: ignore[no-untyped-def]
+def _multisine(parameters: Array, t: float) -> Sample:
     amplitude, lowest, step, count, center = (
         parameters[0],
         parameters[1],
@@ -55,7 +59,7 @@ def _multisine(parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit(_SAMPLE, cache=True)
-def _swept_sine(parameters, t):  # type: ignore[no-untyped-def]
+def _swept_sine(parameters: Array, t: float) -> Sample:
     amplitude, lowest, growth, sweep, center = (
         parameters[0],
         parameters[1],
@@ -72,7 +76,7 @@ def _swept_sine(parameters, t):  # type: ignore[no-untyped-def]
     else:
         rate, bend, jerk = lowest * math.exp(growth * sweep), 0.0, 0.0
         angle = (rate - lowest) / growth + rate * (t - sweep)
-    # position = center - amplitude/rate cos(angle): its speed amplitude is `amplitude` but for the slow term in bend
+    # position = center - amplitude/rate cos(angle); its derivatives with the slowly changing rate's own
     radius = amplitude / rate
     slope = -radius * bend / rate
     curve = -slope * bend / rate - radius * (jerk / rate - bend * bend / (rate * rate))
@@ -84,17 +88,17 @@ def _swept_sine(parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit(_SAMPLE, cache=True)
-def _steps(parameters, t):  # type: ignore[no-untyped-def]
+def _steps(parameters: Array, t: float) -> Sample:
     start, height, dwell, count = parameters[0], parameters[1], parameters[2], int(parameters[3])
-    phase = int(math.floor(t / dwell)) % (2 * count)
+    phase = math.floor(t / dwell) % (2 * count)
     level = phase if phase <= count else 2 * count - phase
     return start + height * level, 0.0, 0.0
 
 
 @njit(_SAMPLE, cache=True)
-def _turn(parameters, t):  # type: ignore[no-untyped-def]
+def _turn(parameters: Array, t: float) -> Sample:
     """A reversal from -speed to +speed around t = 0: offset from its middle, speed, acceleration."""
-    speed, turn, peak = parameters[0], parameters[2], parameters[3]
+    turn, peak = parameters[2], parameters[3]
     rate = 2.0 * math.pi / turn
     velocity = 0.5 * peak * (t + math.sin(rate * t) / rate)
     position = 0.5 * peak * (0.5 * t * t + (1.0 - math.cos(rate * t)) / (rate * rate))
@@ -102,7 +106,7 @@ def _turn(parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit(_SAMPLE, cache=True)
-def _legs(parameters, t):  # type: ignore[no-untyped-def]
+def _legs(parameters: Array, t: float) -> Sample:
     speed, leg, turn, start = parameters[0], parameters[1], parameters[2], parameters[4]
     half = leg + turn
     count = math.floor(t / half + 0.5)
@@ -120,7 +124,7 @@ def _legs(parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit("UniTuple(f8, 3)(f8, f8, f8, f8, f8, f8)", cache=True)
-def _bearing(x, y, vx, vy, ax, ay):  # type: ignore[no-untyped-def]
+def _bearing(x: float, y: float, vx: float, vy: float, ax: float, ay: float) -> Sample:
     """Angle atan2(x, y) with its first and second derivative."""
     square = x * x + y * y
     cross = vx * y - x * vy
@@ -130,7 +134,9 @@ def _bearing(x, y, vx, vy, ax, ay):  # type: ignore[no-untyped-def]
 
 
 @njit("UniTuple(f8, 3)(f8, f8, f8, f8, f8, f8, f8, f8, f8)", cache=True)
-def _elevation(x, y, z, vx, vy, vz, ax, ay, az):  # type: ignore[no-untyped-def]
+def _elevation(
+    x: float, y: float, z: float, vx: float, vy: float, vz: float, ax: float, ay: float, az: float
+) -> Sample:
     """Elevation atan2(z, hypot(x, y)) with its first and second derivative."""
     ground = math.sqrt(x * x + y * y)
     slope = (x * vx + y * vy) / ground
@@ -139,8 +145,8 @@ def _elevation(x, y, z, vx, vy, vz, ax, ay, az):  # type: ignore[no-untyped-def]
 
 
 @njit(_SAMPLE, cache=True)
-def _satellite_pass(parameters, t):  # type: ignore[no-untyped-def]
-    """Station at EARTH_RADIUS on the z axis; the track runs along x and culminates at the angle `central` from z."""
+def _satellite_pass(parameters: Array, t: float) -> Sample:
+    """Station at EARTH_RADIUS on the z axis; the track runs along x and passes z at the angle `central`."""
     radius, rate, central = parameters[1], parameters[2], parameters[3]
     angle = rate * (t - parameters[4])
     s, c = radius * math.sin(angle), radius * math.cos(angle)
@@ -155,7 +161,7 @@ def _satellite_pass(parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit(_SAMPLE, cache=True)
-def _sidereal_track(parameters, t):  # type: ignore[no-untyped-def]
+def _sidereal_track(parameters: Array, t: float) -> Sample:
     """Meeus, Astronomical Algorithms, ch. 13, as a vector (east, north, up)."""
     hour = parameters[1] + SIDEREAL_RATE * t
     declination, latitude = parameters[2], parameters[3]
@@ -180,7 +186,7 @@ def _sidereal_track(parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit("UniTuple(f8, 3)(i8, f8[::1], f8)", cache=True)
-def sample(code, parameters, t):  # type: ignore[no-untyped-def]
+def sample(code: int, parameters: Array, t: float) -> Sample:
     """Position, speed, acceleration at time t (s) of the reference with this code, in the order of KINDS."""
     if code == 0:
         return _hold(parameters, t)
@@ -202,7 +208,7 @@ def sample(code, parameters, t):  # type: ignore[no-untyped-def]
 
 
 @njit("f8[:, ::1](i8, f8[::1], f8[::1])", cache=True)
-def sample_all(code, parameters, times):  # type: ignore[no-untyped-def]
+def sample_all(code: int, parameters: Array, times: Array) -> Array:
     """Shape (n, 3): `sample` at each time."""
     samples = np.empty((times.size, 3))
     for i in range(times.size):
