@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NODES = (
+    "commission",
+    "controller",
+    "diagnoser",
+    "dob",
+    "dynamometer",
+    "identifier",
+    "lugre_compensator",
+    "plant",
+    "player",
+    "recorder",
+    "reference",
+)
+
+
+def files(folder: str, pattern: str) -> list[str]:
+    return sorted(str(path) for path in Path(folder).glob(pattern))
+
+
+setup(
+    name="tcs_friction",
+    version="0.1.0",
+    description="Measures, identifies, compensates and diagnoses the friction of servo axes",
+    license="Apache-2.0",
+    maintainer="tcs_friction maintainers",
+    maintainer_email="tcs-friction@example.org",
+    packages=find_packages(include=["tcs_friction", "tcs_friction.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/tcs_friction"]),
+        ("share/tcs_friction", ["package.xml"]),
+        ("bin", ["bin/tcs-friction"]),
+        ("share/tcs_friction/config", files("config", "*.yaml")),
+        ("share/tcs_friction/launch", files("launch", "*.launch.py")),
+    ],
+    python_requires=">=3.11",
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},  # colcon test runs nothing without it
+    zip_safe=True,
+    entry_points={
+        "console_scripts": [
+            "tcs-friction = tcs_friction.cli:main",
+            *(f"{name} = tcs_friction.nodes.{name}:main" for name in NODES),
+        ],
+    },
+)
