@@ -1,7 +1,10 @@
 """Double-loop PID: a position loop commands a speed, a speed loop commands a torque.
 
     speed command  c = k_ff v_ref + Kp e + Ki integral(e) + Kd d(e)/dt,   e = q_ref - q
-    torque         u = J_ff a_ref + B_ff v_ref + kp w + ki integral(w) + kd d(w)/dt + added,   w = c - v
+    torque         u = J_ff a_ref + B_ff v_ref + kp w + ki integral(w) + kd d(w)/dt + added,
+                   w = c - v - a_ref delay
+
+The measured speed v is late by a known delay, by which an accelerating axis would seem to lag.
 
 Derivatives pass through a first-order filter. Integrators and filters are exact for inputs held between two
 ticks. Both commands are limited. While the torque is limited the speed loop's integrator is driven back by
@@ -26,8 +29,8 @@ _POSITION_P, _POSITION_I, _POSITION_D = 0, 1, 2
 _VELOCITY_P, _VELOCITY_I, _VELOCITY_D = 3, 4, 5
 _VELOCITY_FORWARD, _ACCELERATION_FORWARD, _VISCOUS_FORWARD = 6, 7, 8
 _VELOCITY_LIMIT, _TORQUE_LIMIT = 9, 10
-_FILTER, _FILTER_DECAY, _UNWIND, _DT = 11, 12, 13, 14
-PARAMETERS = 15
+_VELOCITY_DELAY, _FILTER, _FILTER_DECAY, _UNWIND, _DT = 11, 12, 13, 14, 15
+PARAMETERS = 16
 
 # state slots
 _POSITION_INTEGRAL, _POSITION_FILTER, _VELOCITY_INTEGRAL, _VELOCITY_FILTER, _PRIMED = 0, 1, 2, 3, 4
@@ -50,6 +53,7 @@ class PidConfig:
     velocity_feedforward: float = setting(1.0, "1", 0.0, 2.0, "share of the reference speed fed forward")
     inertia_feedforward: float = setting(0.0, "kg m^2", 0.0, 1e9, "torque per reference acceleration")
     viscous_feedforward: float = setting(0.0, "N m s/rad", 0.0, 1e9, "torque per reference speed")
+    velocity_delay: float = setting(0.0, "s", 0.0, 0.1, "known delay of the measured speed (its filter)")
     velocity_limit: float = setting(1.0, "rad/s", 1e-9, 1e6, "largest speed the position loop may command")
     torque_limit: float = setting(1000.0, "N m", 1e-9, 1e12, "largest torque that may be commanded")
 
@@ -61,7 +65,7 @@ class PidConfig:
 def pid_parameters(config: PidConfig, dt: float) -> Array:
     """The kernel's parameter array for a tick of `dt` seconds."""
     parameters = np.empty(PARAMETERS)
-    parameters[:11] = (
+    parameters[:12] = (
         config.position_proportional,
         config.position_integral,
         config.position_derivative,
@@ -73,6 +77,7 @@ def pid_parameters(config: PidConfig, dt: float) -> Array:
         config.viscous_feedforward,
         config.velocity_limit,
         config.torque_limit,
+        config.velocity_delay,
     )
     parameters[_FILTER] = config.derivative_filter
     parameters[_FILTER_DECAY] = math.exp(-dt / config.derivative_filter)
@@ -110,7 +115,7 @@ def pid_step(
     limit = parameters[_VELOCITY_LIMIT]
     limited = min(max(command, -limit), limit)
 
-    lag = limited - velocity
+    lag = limited - parameters[_VELOCITY_DELAY] * a_ref - velocity
     if state[_PRIMED] == 0.0:
         state[_VELOCITY_FILTER] = lag
         state[_PRIMED] = 1.0

@@ -1,0 +1,200 @@
+"""The closed loop offline: axis, controller, observer and compensator in one compiled loop.
+
+A tick at t[k] reads the measurement, updates the observer with the torque held since t[k-1], the compensator and
+the controller with the reference at t[k], and holds the new torque until t[k+1]: the same order, the same kernels
+and so the same numbers as the nodes in lock-step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from tcs_friction.control.compensator import (
+    STATES,
+    CompensatorConfig,
+    compensator_parameters,
+    lugre_step,
+    stribeck_step,
+)
+from tcs_friction.control.config_field import choice, setting, switch, validate
+from tcs_friction.control.observer import REST, ObserverConfig, observer_step, pack
+from tcs_friction.control.pid import STATES as PID_STATES
+from tcs_friction.control.pid import PidConfig, pid_parameters, pid_step
+from tcs_friction.control.reference import Reference
+from tcs_friction.errors import InputError, JobError
+from tcs_friction.physics import machine as compiled
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import law
+from tcs_friction.physics.simulate import substeps_for
+from tcs_friction.physics.terms import instance
+
+Array = NDArray[np.float64]
+
+_NEGLIGIBLE = 1e-9  # N m, dry friction of an axis whose friction is switched off
+COMPENSATIONS = ("none", "lugre", "stribeck")
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """How the loop runs: what is compensated and fed back."""
+
+    period: float = setting(1e-3, "s", 1e-5, 1.0, "control period")
+    compensation: str = choice("none", COMPENSATIONS, "feed-forward of friction added to the command")
+    feed_back: bool = switch(False, "add the observer's estimate of friction not yet cancelled to the command")
+
+    def validate(self, where: str = "loop") -> None:
+        """Raises InputError naming every value that is out of its range or not a number."""
+        validate(self, where)
+
+
+@dataclass(frozen=True)
+class LoopRun:
+    """What happened, each array (n,), read-only, at the ticks t. SI units.
+
+    `torque` is the one applied (saturated) during the tick that ends at t, and `compensation` its compensator's
+    part; `position` and `velocity` are measured at t; `friction` and `opposing` are the plant's true torques at t.
+    """
+
+    t: Array
+    reference: Array
+    reference_velocity: Array
+    position: Array
+    velocity: Array
+    torque: Array
+    compensation: Array
+    friction_estimate: Array
+    rest_estimate: Array
+    friction: Array
+    opposing: Array
+    true_position: Array
+    true_velocity: Array
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            getattr(self, entry.name).setflags(write=False)
+
+    @property
+    def error(self) -> Array:
+        """Tracking error: reference less measured position (rad)."""
+        return self.reference - self.position
+
+
+def without_friction(axis: Axis) -> Axis:
+    """The same axis with friction switched off, all its other effects kept."""
+    nothing = instance(law("coulomb_viscous"), {"coulomb": _NEGLIGIBLE, "viscous": 0.0}, axis.name)
+    return replace(axis, friction=nothing)
+
+
+def simulate_loop(
+    axis: Axis,
+    reference: Reference,
+    controller: PidConfig,
+    config: LoopConfig | None = None,
+    observer: ObserverConfig | None = None,
+    compensator: CompensatorConfig | None = None,
+    seed: int = 0,
+) -> LoopRun:
+    """Run the closed loop over the reference's duration, from rest at the reference's first position.
+
+    Same arguments, same result, bit for bit.
+
+    Raises
+    ------
+    InputError: a configuration is bad, or a feedback or compensation is asked for without its configuration.
+    JobError: the loop became unstable and left the range of numbers.
+    """
+    config = config or LoopConfig()
+    _check(config, controller, observer, compensator)
+    period = config.period
+    count = round(reference.duration / period) + 1
+    times = period * np.arange(count)
+    targets = reference.over(times)
+    substeps = substeps_for(axis, period)
+    plant = compiled.build(axis, period / substeps, substeps, position=float(targets[0, 0]))
+    observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
+    compensating = compensator_parameters(compensator or CompensatorConfig(), period)
+    out = np.zeros((10, count))
+    _run(
+        plant,
+        pid_parameters(controller, period),
+        np.zeros(PID_STATES),
+        observing,
+        observer_state,
+        observer is not None,
+        config.feed_back,
+        compensating,
+        np.zeros(STATES),
+        COMPENSATIONS.index(config.compensation),
+        targets,
+        np.random.default_rng(seed).standard_normal((count, 2)),
+        out,
+    )
+    if not np.all(np.isfinite(out)):
+        first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
+        raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
+    return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *out)
+
+
+def _check(
+    config: LoopConfig,
+    controller: PidConfig,
+    observer: ObserverConfig | None,
+    compensator: CompensatorConfig | None,
+) -> None:
+    config.validate()
+    controller.validate()
+    if observer is not None:
+        observer.validate()
+    elif config.feed_back:
+        raise InputError("loop", "feed_back is on but there is no observer", "an observer's configuration")
+    if compensator is not None:
+        compensator.validate()
+    elif config.compensation != "none":
+        raise InputError(
+            "loop", f"compensation is {config.compensation} without parameters", "a compensator's configuration"
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _run(
+    plant: Any,
+    pid: Array,
+    pid_state: Array,
+    observing: Array,
+    observer_state: Array,
+    observed: bool,
+    feed_back: bool,
+    compensating: Array,
+    compensator_state: Array,
+    compensation_kind: int,
+    targets: Array,
+    normals: Array,
+    out: Array,
+) -> None:
+    torque, cancelled = 0.0, 0.0
+    body = plant.body
+    for k in range(len(targets)):
+        position, velocity = body[compiled.MEASURED], body[compiled.MEASURED_VELOCITY]
+        estimate = 0.0
+        if observed:
+            estimate = observer_step(observer_state, observing, torque, velocity, cancelled)
+        out[0, k], out[1, k], out[2, k], out[3, k] = position, velocity, torque, cancelled
+        out[4, k], out[5, k] = estimate, observer_state[REST]
+        out[6, k], out[7, k] = body[compiled.FRICTION], body[compiled.OTHERS]
+        out[8, k], out[9, k] = body[compiled.TRUE_POSITION], body[compiled.TRUE_VELOCITY]
+        q_ref, v_ref, a_ref = targets[k, 0], targets[k, 1], targets[k, 2]
+        cancelled = 0.0
+        if compensation_kind == 1:
+            cancelled = lugre_step(compensator_state, compensating, v_ref, a_ref)
+        elif compensation_kind == 2:
+            cancelled = stribeck_step(compensator_state, compensating, v_ref, a_ref)
+        added = cancelled
+        if feed_back:
+            added += observer_state[REST]
+        command = pid_step(pid_state, pid, position, velocity, q_ref, v_ref, a_ref, added)
+        torque = compiled.tick(plant, command, normals[k, 0], normals[k, 1])
