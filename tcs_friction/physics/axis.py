@@ -1,0 +1,102 @@
+"""An axis: an inertia plus a list of torque terms, its drive and its sensors, as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from tcs_friction.errors import InputError
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import Instance, Place, instance
+
+KINDS = ("rotary", "linear")
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What the controller gets to see. The velocity is the difference of measured positions through a first-order filter."""
+
+    resolution: float = 0.0  # rad, least step of the encoder; 0: none
+    noise: float = 0.0  # rad rms, white, before rounding
+    velocity_bandwidth: float = 0.0  # Hz, of the velocity filter; 0: plain difference
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How the commanded torque becomes torque at the rotor, apart from effects."""
+
+    limit: float = math.inf  # N m, saturation
+    noise: float = 0.0  # N m rms, coloured torque noise
+    noise_bandwidth: float = 10.0  # Hz, of the first-order filter that colours it
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis as somebody believes or made it. Units as in `terms`; `kind` linear reads m, N, kg.
+
+    Raises InputError for an inertia that is not positive or terms in the wrong place.
+    """
+
+    name: str
+    inertia: float
+    friction: Instance
+    effects: tuple[Instance, ...] = ()
+    kind: str = "rotary"
+    actuation_delay: float = 0.0  # s, known delay between logged torque and its action
+    sensors: Sensors = field(default_factory=Sensors)
+    drive: Drive = field(default_factory=Drive)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"axis {self.name}: kind", repr(self.kind), "rotary or linear")
+        if not (self.inertia > 0.0 and math.isfinite(self.inertia)):
+            raise InputError(f"axis {self.name}: inertia", repr(self.inertia), "a positive number")
+        if not 0.0 <= self.actuation_delay <= 10.0:
+            raise InputError(f"axis {self.name}: actuation_delay", repr(self.actuation_delay), "0 to 10 s")
+        if self.friction.term.place is not Place.LAW:
+            raise InputError(f"axis {self.name}: friction", f"{self.friction.term.id} is an effect", "a friction law")
+        for item in self.effects:
+            if item.term.place is Place.LAW:
+                raise InputError(f"axis {self.name}: effects", f"{item.term.id} is a friction law", "an effect")
+
+    @property
+    def cycle(self) -> float:
+        """Radians of phase per unit of position at order 1."""
+        return 1.0 if self.kind == "rotary" else 2.0 * math.pi
+
+    @property
+    def terms(self) -> tuple[Instance, ...]:
+        """All terms in the order they act: drive, law, scale, opposing, body, sensor."""
+        order = list(Place)
+        delay = effect("transport_delay")
+        known = (instance(delay, {"delay": self.actuation_delay}),) if self.actuation_delay > 0.0 else ()
+        every = [*known, self.friction, *self.effects]
+        return tuple(sorted(every, key=lambda item: (order.index(item.term.place), item.term.rank)))
+
+    def with_friction(self, values: Mapping[str, float]) -> Axis:
+        """The axis with some values of its friction law changed."""
+        return replace(self, friction=self.friction.replace(**values))
+
+    def with_effect(self, item: Instance) -> Axis:
+        """The axis with one more effect."""
+        return replace(self, effects=(*self.effects, item))
+
+    def warnings(self) -> list[str]:
+        """What is doubtful about the values, one line each."""
+        return [f"axis {self.name}: {line}" for item in self.terms for line in item.term.warn(item.values)]
+
+    def fastest_rate(self) -> float:
+        """Fastest rate (1/s) of the axis' own dynamics that the integration step has to resolve."""
+        rates = [1.0]
+        for item in (self.friction, *self.effects):
+            values = item.values
+            share = 1.0 - values.get("inertia_ratio", 0.0)
+            moving = self.inertia * share
+            rates.append(math.sqrt(values.get("stiffness", 0.0) / moving) if values.get("stiffness", 0.0) > 0 else 0.0)
+            rates.append((values.get("damping", 0.0) + values.get("viscous", 0.0)) / moving)
+            for name in ("frequency", "contact_frequency"):
+                rates.append(2.0 * math.pi * values.get(name, 0.0) / math.sqrt(share))
+            if "time_constant" in values and item.term.place is Place.DRIVE and values["time_constant"] > 0.0:
+                rates.append(0.1 / values["time_constant"])
+        return max(rates)

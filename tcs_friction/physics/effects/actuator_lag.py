@@ -1,0 +1,35 @@
+"""The torque follows the command through a first-order lag: the current loop, an electrical time constant."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.terms import TORQUE, Parameter, Place, Term, kernel
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: started, command before, output. Exact for a command that is a line between two instants."""
+    command = motion[TORQUE]
+    if state[0] == 0.0:
+        state[0], state[1], state[2] = 1.0, command, command
+    if dt <= 0.0 or parameters[0] <= 0.0:
+        return float(command)
+    decay = math.exp(-dt / parameters[0])
+    slope = (command - state[1]) * parameters[0] / dt
+    state[2] = command - slope + (state[2] - state[1] + slope) * decay
+    state[1] = command
+    return float(state[2])
+
+
+TERM = Term(
+    id="actuator_lag",
+    place=Place.DRIVE,
+    form="time_constant du'/dt = u - u'",
+    parameters=(Parameter("time_constant", "s", "of the lag", lower=0.0, upper=10.0),),
+    kernel=torque,
+    states=3,
+    coordinate="frequency",
+    subsystem="actuator",
+)

@@ -1,0 +1,36 @@
+"""Cable hysteresis: cables and hoses that drag along and slip, a Dahl element far wider than the bearing's bristles.
+
+    ds/dq = (1 - s sign(v)) / width,   x = amplitude s
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.terms import TRAVEL, Parameter, Place, Role, Term, kernel
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: s, -1 to 1; the step is exact in travel."""
+    travel = motion[TRAVEL]
+    if travel != 0.0:
+        steady = 1.0 if travel > 0.0 else -1.0
+        state[0] = steady + (state[0] - steady) * math.exp(-abs(travel) / parameters[1])
+    return float(parameters[0] * state[0])
+
+
+TERM = Term(
+    id="cable_hysteresis",
+    place=Place.OPPOSING,
+    form="x = amplitude s, ds/dq = (1 - s sign(v))/width",
+    parameters=(
+        Parameter("amplitude", "N m", "torque far from a reversal", role=Role.LINEAR),
+        Parameter("width", "rad", "travel over which the torque turns over", lower=1e-12),
+    ),
+    kernel=torque,
+    states=1,
+    coordinate="time_since_reversal",
+    subsystem="cable",
+)

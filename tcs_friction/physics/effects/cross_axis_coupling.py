@@ -1,0 +1,31 @@
+"""Coupling from another axis: torque in proportion to its acceleration, from its recorded velocity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tcs_friction.physics.terms import Parameter, Place, Role, Term, kernel
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: started, velocity of the other axis at the previous instant, its acceleration."""
+    velocity = motion[int(parameters[1])]
+    if state[0] != 0.0 and dt > 0.0:
+        state[2] = (velocity - state[1]) / dt
+    state[0] = 1.0
+    state[1] = velocity
+    return float(parameters[0] * state[2])
+
+
+TERM = Term(
+    id="cross_axis_coupling",
+    place=Place.OPPOSING,
+    form="x = inertia d(other axis' velocity)/dt",
+    parameters=(Parameter("inertia", "kg m^2", "coupling inertia", role=Role.LINEAR),),
+    kernel=torque,
+    states=3,
+    signals=1,
+    coordinate="exogenous",
+    subsystem="environment",
+)

@@ -1,0 +1,28 @@
+"""Encoder error that repeats over the turn: eccentric scale, interpolation error."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel
+
+
+@kernel
+def error(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    return parameters[1] * math.sin(parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2])
+
+
+TERM = Term(
+    id="encoder_periodic_error",
+    place=Place.SENSOR,
+    form="measured q = q + amplitude sin(order q + phase)",
+    parameters=(
+        Parameter("order", "1/turn", "periods per turn (per metre if linear)", lower=1e-6),
+        Parameter("amplitude", "rad", "amplitude of the error", role=Role.LINEAR),
+        Parameter("phase", "rad", "phase of the error", default=0.0, role=Role.PHASE),
+    ),
+    kernel=error,
+    coordinate="position",
+    subsystem="sensor",
+)

@@ -1,0 +1,59 @@
+"""Flexible mode: part of the inertia hangs on the shaft through a spring (drive and encoder on the shaft's side).
+
+The second body's deflection d from the shaft obeys d'' + 2 damping w d' + w^2 d = -shaft acceleration, w = 2 pi frequency
+being its resonance with the shaft held (the antiresonance seen from the drive). Between two instants the shaft
+moves at constant velocity, for which the step below is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.terms import INERTIA, TRAVEL, VELOCITY, Parameter, Place, Term, kernel
+
+
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def oscillate(deflection: float, rate: float, omega: float, damping: float, dt: float) -> tuple[float, float]:
+    """Free damped oscillation (damping < 1) over dt: deflection and its rate."""
+    decay = damping * omega
+    ringing = omega * math.sqrt(1.0 - damping * damping)
+    c, s, e = math.cos(ringing * dt), math.sin(ringing * dt), math.exp(-decay * dt)
+    sine = (rate + decay * deflection) / ringing
+    after = e * (deflection * c + sine * s)
+    return after, e * (sine * ringing * c - deflection * ringing * s) - decay * after
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: started, deflection (rad), velocity of the second body (rad/s)."""
+    omega, damping, ratio = 2.0 * math.pi * parameters[0], parameters[1], parameters[2]
+    carried = ratio * motion[INERTIA]
+    motion[INERTIA] -= carried
+    if state[0] == 0.0 or dt <= 0.0:
+        state[0], state[1], state[2] = 1.0, 0.0, motion[VELOCITY]
+        return 0.0
+    shaft = motion[TRAVEL] / dt
+    deflection, rate = oscillate(state[1], state[2] - shaft, omega, damping, dt)
+    state[1] = deflection
+    state[2] = shaft + rate
+    return float(-carried * (omega * omega * deflection + 2.0 * damping * omega * (state[2] - motion[VELOCITY])))
+
+
+TERM = Term(
+    id="flexible_mode",
+    place=Place.BODY,
+    form="ratio J on a spring: d'' + 2 damping w d' + w^2 d = -a, x = ratio J (a + d'')",
+    parameters=(
+        Parameter("frequency", "Hz", "resonance of the second body with the shaft held", lower=1e-6),
+        Parameter("damping", "", "damping ratio of that resonance", lower=0.0, upper=0.99, default=0.02),
+        Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.99),
+    ),
+    kernel=torque,
+    states=3,
+    coordinate="frequency",
+    subsystem="structure",
+)

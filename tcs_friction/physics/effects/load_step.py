@@ -1,0 +1,26 @@
+"""A constant torque that appears (or, negative, vanishes) at a time: something was hung on, let go or jammed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Term, kernel
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    return float(parameters[0]) if motion[TIME] >= parameters[1] else 0.0
+
+
+TERM = Term(
+    id="load_step",
+    place=Place.OPPOSING,
+    form="x = step for t >= time",
+    parameters=(
+        Parameter("step", "N m", "torque that appears", role=Role.LINEAR),
+        Parameter("time", "s", "since the start of the recording"),
+    ),
+    kernel=torque,
+    coordinate="time",
+    subsystem="environment",
+)

@@ -1,0 +1,28 @@
+"""A periodic torque from outside: a pump, a fan, mains hum."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Term, kernel
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    return parameters[1] * math.sin(2.0 * math.pi * parameters[0] * motion[TIME] + parameters[2])
+
+
+TERM = Term(
+    id="periodic_vibration",
+    place=Place.OPPOSING,
+    form="x = amplitude sin(2 pi frequency t + phase)",
+    parameters=(
+        Parameter("frequency", "Hz", "of the vibration", lower=1e-9),
+        Parameter("amplitude", "N m", "of the torque", role=Role.LINEAR),
+        Parameter("phase", "rad", "at the start of the recording", default=0.0, role=Role.PHASE),
+    ),
+    kernel=torque,
+    coordinate="frequency",
+    subsystem="environment",
+)

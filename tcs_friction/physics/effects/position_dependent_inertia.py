@@ -1,0 +1,42 @@
+"""Inertia that changes over the turn, as of an eccentric payload or a tube that tilts: twice per turn."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.terms import (
+    ACCELERATION,
+    CYCLE,
+    INERTIA,
+    POSITION,
+    VELOCITY,
+    Parameter,
+    Place,
+    Role,
+    Term,
+    kernel,
+)
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """Lagrange: J(q) a + J'(q) v^2 / 2; the first part acts through motion[INERTIA]."""
+    angle = 2.0 * motion[CYCLE] * motion[POSITION] + parameters[1]
+    inertia = motion[INERTIA]
+    motion[INERTIA] = inertia * (1.0 + parameters[0] * math.cos(angle))
+    return -inertia * parameters[0] * motion[CYCLE] * math.sin(angle) * motion[VELOCITY] ** 2
+
+
+TERM = Term(
+    id="position_dependent_inertia",
+    place=Place.BODY,
+    form="J (1 + amplitude cos(2 q + phase))",
+    parameters=(
+        Parameter("amplitude", "", "relative variation of the inertia", lower=-0.95, upper=0.95, role=Role.LINEAR),
+        Parameter("phase", "rad", "phase of the variation", default=0.0, role=Role.PHASE),
+    ),
+    kernel=torque,
+    coordinate="acceleration",
+    subsystem="structure",
+)

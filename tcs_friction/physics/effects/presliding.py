@@ -1,0 +1,40 @@
+"""Pre-sliding for a law without bristles: torque before motion and hysteresis at reversals.
+
+The law's dry part is replaced by LuGre's bristle at the law's own level (paper eqs. 2 to 4).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, Parameter, Place, Term, kernel
+
+
+from tcs_friction.physics.friction.lugre import bristle_step
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: deflection, rad."""
+    v, level, sigma0, sigma1 = motion[VELOCITY], motion[LEVEL], parameters[0], parameters[1]
+    z = bristle_step(state[0], motion[TRAVEL], level, sigma0)
+    state[0] = z
+    before = motion[DRY]
+    motion[DRY] = sigma0 * z + sigma1 * (v - sigma0 * abs(v) / level * z)
+    motion[MOBILISED] = min(max(sigma0 * z / level, -1.0), 1.0)
+    return float(motion[DRY] - before)
+
+
+TERM = Term(
+    id="presliding",
+    place=Place.SCALE,
+    form="F becomes sigma0 z + sigma1 dz/dt, dz/dt = v - sigma0 |v|/g(v) z",
+    parameters=(
+        Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9),
+        Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0, default=0.0),
+    ),
+    kernel=torque,
+    states=1,
+    coordinate="time_since_reversal",
+    rank=-1,
+)

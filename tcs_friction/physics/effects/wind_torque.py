@@ -1,0 +1,25 @@
+"""Wind: torque that goes with the square of the recorded wind speed, signed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tcs_friction.physics.terms import Parameter, Place, Role, Term, kernel
+
+
+@kernel
+def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    wind = motion[int(parameters[1])]
+    return float(parameters[0] * wind * abs(wind))
+
+
+TERM = Term(
+    id="wind_torque",
+    place=Place.OPPOSING,
+    form="x = coefficient w |w|",
+    parameters=(Parameter("coefficient", "N m s^2/m^2", "torque per squared wind speed", role=Role.LINEAR),),
+    kernel=torque,
+    signals=1,
+    coordinate="exogenous",
+    subsystem="environment",
+)

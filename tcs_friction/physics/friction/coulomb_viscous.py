@@ -1,0 +1,34 @@
+"""Coulomb and viscous friction: F = coulomb sign(v) + viscous v, at rest whatever holds the axis up to coulomb."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT
+from tcs_friction.physics.terms import ARREST, DRY, LEVEL, MOBILISED, VELOCITY, VISCOUS, Place, Term, kernel
+
+
+@njit(cache=True, error_model="numpy")
+def static_friction(motion: Any, level: float, viscous: float) -> float:
+    """Dry friction that arrests the axis if it can, its level otherwise (Karnopp 1985), plus viscous friction."""
+    motion[VISCOUS] = viscous * motion[VELOCITY]
+    motion[LEVEL] = level
+    motion[MOBILISED] = min(max((motion[ARREST] - motion[VISCOUS]) / level, -1.0), 1.0)
+    motion[DRY] = level * motion[MOBILISED]
+    return motion[DRY] + motion[VISCOUS]
+
+
+@kernel
+def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    return static_friction(motion, parameters[0], parameters[1])
+
+
+TERM = Term(
+    id="coulomb_viscous",
+    place=Place.LAW,
+    form="F = coulomb sign(v) + viscous v",
+    parameters=(COULOMB, VISCOUS_COEFFICIENT),
+    kernel=friction,
+)

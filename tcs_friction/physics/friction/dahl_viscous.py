@@ -1,0 +1,33 @@
+"""Dahl friction (Dahl 1976) with viscous friction: LuGre's bristle without Stribeck drop and without damping.
+
+    dz/dt = v - stiffness |v| / coulomb z,   F = stiffness z + viscous v
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tcs_friction.physics.friction.lugre import COULOMB, STIFFNESS, VISCOUS_COEFFICIENT, bristle_step
+from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, Place, Term, kernel
+
+
+@kernel
+def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: deflection z, rad."""
+    coulomb, stiffness, viscous = parameters[:3]
+    state[0] = bristle_step(state[0], motion[TRAVEL], coulomb, stiffness)
+    motion[DRY] = stiffness * state[0]
+    motion[VISCOUS] = viscous * motion[VELOCITY]
+    motion[LEVEL] = coulomb
+    motion[MOBILISED] = min(max(motion[DRY] / coulomb, -1.0), 1.0)
+    return motion[DRY] + motion[VISCOUS]
+
+
+TERM = Term(
+    id="dahl_viscous",
+    place=Place.LAW,
+    form="F = stiffness z + viscous v, dz/dt = v - stiffness |v|/coulomb z",
+    parameters=(COULOMB, STIFFNESS, VISCOUS_COEFFICIENT),
+    kernel=friction,
+    states=1,
+)

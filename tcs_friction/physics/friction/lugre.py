@@ -1,0 +1,82 @@
+"""LuGre friction (Canudas de Wit et al. 1995; paper eqs. 2 to 4 with the errata of docs/paper-errata.md).
+
+    dz/dt = v - stiffness |v| / g(v) z
+    g(v)  = coulomb + (static - coulomb) exp(-(v / stribeck_velocity)^2)
+    F     = stiffness z + damping dz/dt + viscous v
+
+At constant velocity the bristle equation is linear, so its step is exact: z relaxes exponentially to g(v)/stiffness sign(v)
+over the travel g/stiffness. The step is stable at any stiffness and step length.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from numba import njit
+
+from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, Parameter, Place, Role, Term, kernel
+
+
+@njit(cache=True, error_model="numpy")
+def stribeck_level(velocity: float, coulomb: float, static: float, stribeck_velocity: float) -> float:
+    """Dry friction available at this velocity, N m (paper eq. 3)."""
+    ratio = velocity / stribeck_velocity
+    return coulomb + (static - coulomb) * math.exp(-ratio * ratio)
+
+
+@njit(cache=True, error_model="numpy")
+def bristle_step(deflection: float, travel: float, level: float, stiffness: float) -> float:
+    """Bristle deflection (rad) after `travel` (rad) at the given level (N m): the exact solution of eq. 2."""
+    if travel == 0.0:
+        return deflection
+    steady = level / stiffness if travel > 0.0 else -level / stiffness
+    return steady + (deflection - steady) * math.exp(-stiffness * abs(travel) / level)
+
+
+@kernel
+def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: deflection z, rad."""
+    sigma0, sigma1, sigma2 = parameters[3], parameters[4], parameters[5]
+    v = motion[VELOCITY]
+    g = stribeck_level(v, parameters[0], parameters[1], parameters[2])
+    z = bristle_step(state[0], motion[TRAVEL], g, sigma0)
+    state[0] = z
+    motion[DRY] = sigma0 * z + sigma1 * (v - sigma0 * abs(v) / g * z)
+    motion[VISCOUS] = sigma2 * v
+    motion[LEVEL] = g
+    motion[MOBILISED] = min(max(sigma0 * z / g, -1.0), 1.0)
+    return motion[DRY] + motion[VISCOUS]
+
+
+def warnings(values: Mapping[str, float]) -> list[str]:
+    """Conditions the values break: static above Coulomb, and the passivity of Barahona and Canudas de Wit (2000)."""
+    found = []
+    if values["static"] < values["coulomb"]:
+        found.append(f"static ({values['static']:g}) is below coulomb ({values['coulomb']:g}): friction rises with speed")
+    needed = values["damping"] * (values["static"] - values["coulomb"]) / values["coulomb"]
+    if values["viscous"] < needed:
+        found.append(
+            f"LuGre is not passive: viscous ({values['viscous']:g}) < damping * (static - coulomb) / coulomb ({needed:g});"
+            " it can create energy at velocities where the Stribeck curve falls"
+        )
+    return found
+
+
+COULOMB = Parameter("coulomb", "N m", "friction torque of steady sliding", lower=1e-12)
+STATIC = Parameter("static", "N m", "largest friction torque before sliding", lower=1e-12)
+STRIBECK_VELOCITY = Parameter("stribeck_velocity", "rad/s", "velocity over which static falls to coulomb", lower=1e-12)
+STIFFNESS = Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9)
+DAMPING = Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0)
+VISCOUS_COEFFICIENT = Parameter("viscous", "N m s/rad", "viscous coefficient, sigma2", lower=0.0, role=Role.LINEAR)
+
+TERM = Term(
+    id="lugre",
+    place=Place.LAW,
+    form="F = sigma0 z + sigma1 dz/dt + sigma2 v, dz/dt = v - sigma0 |v|/g(v) z",
+    parameters=(COULOMB, STATIC, STRIBECK_VELOCITY, STIFFNESS, DAMPING, VISCOUS_COEFFICIENT),
+    kernel=friction,
+    states=1,
+    warn=warnings,
+)

@@ -1,0 +1,36 @@
+"""Stribeck friction without bristles: F = g(v) sign(v) + viscous v, g falling from static to coulomb.
+
+g(v) = coulomb + (static - coulomb) exp(-|v / stribeck_velocity|^exponent); exponent 2 is paper eq. 3,
+Armstrong-Helouvry (1994) reports 0.5 to 2 for other lubrications.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tcs_friction.physics.friction.coulomb_viscous import static_friction
+from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
+from tcs_friction.physics.terms import VELOCITY, Parameter, Place, Term, kernel
+
+
+@kernel
+def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    coulomb, static, stribeck_velocity, viscous, exponent = parameters[:5]
+    ratio = abs(motion[VELOCITY] / stribeck_velocity)
+    return static_friction(motion, coulomb + (static - coulomb) * math.exp(-(ratio**exponent)), viscous)
+
+
+TERM = Term(
+    id="stribeck_static",
+    place=Place.LAW,
+    form="F = (coulomb + (static - coulomb) exp(-|v/stribeck_velocity|^exponent)) sign(v) + viscous v",
+    parameters=(
+        COULOMB,
+        STATIC,
+        STRIBECK_VELOCITY,
+        VISCOUS_COEFFICIENT,
+        Parameter("exponent", "", "shape of the Stribeck curve", lower=0.2, upper=4.0, default=2.0),
+    ),
+    kernel=friction,
+)

@@ -1,0 +1,248 @@
+"""The compiled axis: terms packed into arrays, the integration step and the evaluation of a recording.
+
+Both loops call the same kernels. Integration is a leapfrog: positions and velocities at step ends, kernels called once a step at
+the middle, where the velocity is extrapolated with the acceleration before; second order for smooth torques, and the
+bristles' own step is exact in the travel between two middles.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.typed import List
+
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import (
+    ACCELERATION,
+    ARREST,
+    CYCLE,
+    DRY,
+    EXOGENOUS,
+    INERTIA,
+    KERNEL_TYPE,
+    LEVEL,
+    MOBILISED,
+    POSITION,
+    TEMPERATURE,
+    TIME,
+    TORQUE,
+    TRAVEL,
+    VELOCITY,
+    VISCOUS,
+    Place,
+)
+
+# Slots of Machine.body
+TRUE_POSITION, TRUE_VELOCITY, TRUE_ACCELERATION, OTHERS, CLOCK, NOISE, MEASURED, MEASURED_VELOCITY, FRICTION, LAST_MIDDLE = range(10)
+# Slots of Machine.constants
+(
+    MASS,
+    PHASE_PER_UNIT,
+    TORQUE_LIMIT,
+    NOISE_GAIN,
+    NOISE_DECAY,
+    RESOLUTION,
+    ENCODER_NOISE,
+    VELOCITY_DECAY,
+    STEP,
+    SUBSTEPS,
+) = range(10)
+
+
+class Machine(NamedTuple):
+    """An axis as the compiled loops want it. Arrays are live: `states`, `body` and `motion` change as it runs."""
+
+    kernels: Any  # typed list of kernels in the order they act
+    ends: np.ndarray  # (6,) where each place's kernels end in that list
+    parameters: np.ndarray  # all kernels' parameters
+    parameter_ends: np.ndarray  # (k + 1,)
+    states: np.ndarray  # all kernels' states
+    state_ends: np.ndarray  # (k + 1,)
+    motion: np.ndarray  # (EXOGENOUS + signals,)
+    body: np.ndarray  # (10,)
+    constants: np.ndarray  # (10,)
+
+
+def build(axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (), position: float = 0.0) -> Machine:
+    """Pack an axis for instants `dt` (s) apart, of which `substeps` make a control period. It starts at rest at `position` (rad)."""
+    terms = axis.terms
+    kernels = List.empty_list(KERNEL_TYPE)
+    for item in terms:
+        kernels.append(item.term.kernel)
+    ends = np.cumsum([sum(item.term.place is place for item in terms) for place in Place])
+    packed = [item.packed(signals) for item in terms]
+    sizes = [item.term.state_size(item.values, dt) for item in terms]
+    period = dt * substeps
+    decay = math.exp(-2.0 * math.pi * axis.drive.noise_bandwidth * period)
+    bandwidth = axis.sensors.velocity_bandwidth
+    constants = np.array(
+        [
+            axis.inertia,
+            axis.cycle,
+            axis.drive.limit,
+            axis.drive.noise * math.sqrt(1.0 - decay * decay),
+            decay,
+            axis.sensors.resolution,
+            axis.sensors.noise,
+            math.exp(-2.0 * math.pi * bandwidth * period) if bandwidth > 0.0 else 0.0,
+            dt,
+            float(substeps),
+        ]
+    )
+    motion = np.zeros(EXOGENOUS + len(signals))
+    motion[POSITION], motion[CYCLE], motion[INERTIA], motion[TEMPERATURE] = position, axis.cycle, axis.inertia, 20.0
+    body = np.zeros(10)
+    body[[TRUE_POSITION, MEASURED, LAST_MIDDLE]] = position
+    return Machine(
+        kernels,
+        ends.astype(np.int64),
+        np.concatenate([*packed, np.zeros(0)]),
+        np.concatenate([[0], np.cumsum([len(p) for p in packed])]).astype(np.int64),
+        np.zeros(sum(sizes)),
+        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        motion,
+        body,
+        constants,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _call(m: Machine, k: int, dt: float) -> float:
+    """One kernel on its own slice of parameters and states."""
+    (kernels, _, parameters, parameter_ends, states, state_ends, motion, _, _) = m
+    return kernels[k](
+        motion,
+        parameters[parameter_ends[k] : parameter_ends[k + 1]],
+        states[state_ends[k] : state_ends[k + 1]],
+        dt,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def torques(m: Machine, dt: float) -> tuple[float, float]:
+    """Friction (law and scale) and other opposing torque at the instant in `m.motion`, N m."""
+    friction, opposing = 0.0, 0.0
+    for k in range(m.ends[0], m.ends[2]):
+        friction += _call(m, k, dt)
+    for k in range(m.ends[2], m.ends[4]):
+        opposing += _call(m, k, dt)
+    return friction, opposing
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def advance(m: Machine, torque: float) -> None:
+    """One integration step under a commanded torque (N m)."""
+    motion, body, dt = m.motion, m.body, m.constants[STEP]
+    position, velocity = body[TRUE_POSITION], body[TRUE_VELOCITY]
+    middle = velocity + 0.5 * dt * body[TRUE_ACCELERATION]
+    if middle * velocity < 0.0:
+        middle = 0.0
+    motion[TIME] = body[CLOCK] + 0.5 * dt
+    motion[POSITION] = position + 0.5 * dt * velocity
+    motion[VELOCITY] = middle
+    motion[TRAVEL] = motion[POSITION] - body[LAST_MIDDLE]
+    body[LAST_MIDDLE] = motion[POSITION]
+    motion[INERTIA] = m.constants[MASS]
+    motion[TORQUE] = torque
+    for k in range(m.ends[0]):
+        motion[TORQUE] = _call(m, k, dt)
+    motion[ARREST] = m.constants[MASS] * velocity / dt + motion[TORQUE] - body[OTHERS]
+    friction, opposing = torques(m, dt)
+    acceleration = (motion[TORQUE] - friction - opposing) / motion[INERTIA]
+    body[OTHERS] = opposing
+    body[FRICTION] = friction
+    body[TRUE_ACCELERATION] = acceleration
+    body[TRUE_VELOCITY] = velocity + dt * acceleration
+    body[TRUE_POSITION] = position + dt * velocity + 0.5 * dt * dt * acceleration
+    body[CLOCK] += dt
+
+
+@njit(cache=True, error_model="numpy")
+def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float) -> float:
+    """One control period: hold the command over the substeps, then measure. Returns the torque that the drive was told to apply."""
+    body, constants = m.body, m.constants
+    limit = constants[TORQUE_LIMIT]
+    applied = min(max(command, -limit), limit)
+    body[NOISE] = constants[NOISE_DECAY] * body[NOISE] + constants[NOISE_GAIN] * torque_normal
+    for _ in range(int(constants[SUBSTEPS])):
+        advance(m, applied + body[NOISE])
+    m.motion[POSITION] = body[TRUE_POSITION]
+    position = body[TRUE_POSITION] + constants[ENCODER_NOISE] * encoder_normal
+    for k in range(m.ends[4], m.ends[5]):
+        position += _call(m, k, constants[STEP])
+    if constants[RESOLUTION] > 0.0:
+        position = constants[RESOLUTION] * math.floor(position / constants[RESOLUTION] + 0.5)
+    raw = (position - body[MEASURED]) / (constants[STEP] * constants[SUBSTEPS])
+    decay = constants[VELOCITY_DECAY]
+    body[MEASURED_VELOCITY] = decay * body[MEASURED_VELOCITY] + (1.0 - decay) * raw
+    body[MEASURED] = position
+    return applied
+
+
+@njit(cache=True, error_model="numpy")
+def run(m: Machine, torque: Any, out: Any) -> None:
+    """Open loop: `torque` (n,) a control period each; `out` (n, 4): true position, velocity, friction, other opposing torque."""
+    for i in range(len(torque)):
+        for _ in range(int(m.constants[SUBSTEPS])):
+            advance(m, torque[i])
+        out[i, 0] = m.body[TRUE_POSITION]
+        out[i, 1] = m.body[TRUE_VELOCITY]
+        out[i, 2] = m.body[FRICTION]
+        out[i, 3] = m.body[OTHERS]
+
+
+# Columns of what `evaluate` writes
+REQUIRED, ROTOR, DRY_PART, VISCOUS_PART, AVAILABLE, SHARE, OPPOSED, MOVED = range(8)
+
+
+@njit(cache=True, error_model="numpy")
+def evaluate(m: Machine, t: Any, position: Any, velocity: Any, acceleration: Any, torque: Any, signals: Any, resolution: float, out: Any) -> None:
+    """Walk through a measured motion. Shapes (n,); `signals` (s, n) holds temperature, then the exogenous signals.
+
+    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (n, 8) gets, each in N m
+    unless said: torque that the motion requires at the rotor, torque the drive gives there, dry and viscous friction,
+    available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
+    """
+    motion = m.motion
+    level = m.parameters[m.parameter_ends[m.ends[0]]]
+    step = 1e-6 * 2.0 * math.pi / m.constants[PHASE_PER_UNIT]
+    for i in range(len(t)):
+        dt = t[i] - t[i - 1] if i > 0 else 0.0
+        q, v, a = position[i], velocity[i], acceleration[i]
+        if m.ends[4] < m.ends[5]:
+            error, slope, curve = 0.0, 0.0, 0.0
+            for k in range(m.ends[4], m.ends[5]):
+                motion[POSITION] = q - step
+                before = _call(m, k, dt)
+                motion[POSITION] = q + step
+                after = _call(m, k, dt)
+                motion[POSITION] = q
+                here = _call(m, k, dt)
+                error += here
+                slope += (after - before) / (2.0 * step)
+                curve += (after - 2.0 * here + before) / (step * step)
+            q, v, a = q - error, v - slope * v, a - slope * a - curve * v * v
+        motion[TIME] = t[i]
+        motion[TRAVEL] = 0.5 * (v + motion[VELOCITY]) * dt
+        motion[POSITION] = q
+        motion[VELOCITY] = v
+        motion[ACCELERATION] = a
+        motion[INERTIA] = m.constants[MASS]
+        motion[ARREST] = level * v / resolution
+        for s in range(signals.shape[0]):
+            motion[TEMPERATURE + s] = signals[s, i]
+        motion[TORQUE] = torque[i]
+        for k in range(m.ends[0]):
+            motion[TORQUE] = _call(m, k, dt)
+        friction, opposing = torques(m, dt)
+        out[i, REQUIRED] = motion[INERTIA] * a + friction + opposing
+        out[i, ROTOR] = motion[TORQUE]
+        out[i, DRY_PART] = motion[DRY]
+        out[i, VISCOUS_PART] = motion[VISCOUS]
+        out[i, AVAILABLE] = motion[LEVEL]
+        out[i, SHARE] = motion[MOBILISED]
+        out[i, OPPOSED] = opposing
+        out[i, MOVED] = motion[INERTIA]

@@ -1,0 +1,64 @@
+"""Finds the friction laws and effects: this package's own files and those that other packages offer.
+
+A package adds terms through the entry points `tcs_friction.laws` and `tcs_friction.effects`, each naming a `Term`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from types import MappingProxyType, ModuleType
+
+from tcs_friction.errors import InputError
+from tcs_friction.physics import effects as effects_package
+from tcs_friction.physics import friction as friction_package
+from tcs_friction.physics.terms import Place, Term, nearest
+
+
+def _own(package: ModuleType) -> list[Term]:
+    modules = [importlib.import_module(f"{package.__name__}.{m.name}") for m in pkgutil.iter_modules(package.__path__)]
+    return [module.TERM for module in modules if hasattr(module, "TERM")]
+
+
+def _collect(package: ModuleType, group: str) -> Mapping[str, Term]:
+    found = {term.id: term for term in _own(package)}
+    for entry in entry_points(group=group):
+        term = entry.load()
+        if not isinstance(term, Term):
+            raise InputError(f"entry point {entry.name} of {group}", f"{entry.value} is a {type(term).__name__}", "a Term")
+        if term.id in found:
+            raise InputError(f"entry point {entry.name} of {group}", f"the name {term.id!r} is taken", "another name")
+        found[term.id] = term
+    return MappingProxyType(found)
+
+
+@cache
+def laws() -> Mapping[str, Term]:
+    """Friction laws by name."""
+    return _collect(friction_package, "tcs_friction.laws")
+
+
+@cache
+def effects() -> Mapping[str, Term]:
+    """Effects by name."""
+    return _collect(effects_package, "tcs_friction.effects")
+
+
+def law(name: str, where: str = "axis") -> Term:
+    """The friction law of that name; InputError names the nearest known one."""
+    return _get(laws(), name, f"{where}: friction law")
+
+
+def effect(name: str, where: str = "axis") -> Term:
+    """The effect of that name; InputError names the nearest known one."""
+    return _get(effects(), name, f"{where}: effect")
+
+
+def _get(known: Mapping[str, Term], name: str, where: str) -> Term:
+    if name not in known:
+        raise InputError(where, f"unknown name {name!r}", nearest(name, sorted(known)))
+    assert isinstance(known[name].place, Place)
+    return known[name]
