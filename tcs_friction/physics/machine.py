@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.typed import List
 
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.calling import addresses, call_kernel
 from tcs_friction.physics.terms import (
     ACCELERATION,
     ARREST,
@@ -22,7 +22,6 @@ from tcs_friction.physics.terms import (
     DRY,
     EXOGENOUS,
     INERTIA,
-    KERNEL_TYPE,
     LEVEL,
     MOBILISED,
     POSITION,
@@ -55,7 +54,7 @@ TRUE_POSITION, TRUE_VELOCITY, TRUE_ACCELERATION, OTHERS, CLOCK, NOISE, MEASURED,
 class Machine(NamedTuple):
     """An axis as the compiled loops want it. Arrays are live: `states`, `body` and `motion` change as it runs."""
 
-    kernels: Any  # typed list of kernels in the order they act
+    kernels: np.ndarray  # (k,) addresses of the kernels in the order they act
     ends: np.ndarray  # (6,) where each place's kernels end in that list
     parameters: np.ndarray  # all kernels' parameters
     parameter_ends: np.ndarray  # (k + 1,)
@@ -69,9 +68,7 @@ class Machine(NamedTuple):
 def build(axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (), position: float = 0.0) -> Machine:
     """Pack an axis for instants `dt` (s) apart, of which `substeps` make a control period. It starts at rest at `position` (rad)."""
     terms = axis.terms
-    kernels = List.empty_list(KERNEL_TYPE)
-    for item in terms:
-        kernels.append(item.term.kernel)
+    kernels = addresses([item.term.kernel for item in terms])
     ends = np.cumsum([sum(item.term.place is place for item in terms) for place in Place])
     packed = [item.packed(signals) for item in terms]
     sizes = [item.term.state_size(item.values, dt) for item in terms]
@@ -112,13 +109,9 @@ def build(axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (
 @njit(cache=True, error_model="numpy", inline="always")
 def _call(m: Machine, k: int, dt: float) -> float:
     """One kernel on its own slice of parameters and states."""
-    (kernels, _, parameters, parameter_ends, states, state_ends, motion, _, _) = m
-    return kernels[k](
-        motion,
-        parameters[parameter_ends[k] : parameter_ends[k + 1]],
-        states[state_ends[k] : state_ends[k + 1]],
-        dt,
-    )
+    parameters = m.parameters[m.parameter_ends[k] : m.parameter_ends[k + 1]]
+    state = m.states[m.state_ends[k] : m.state_ends[k + 1]]
+    return call_kernel(m.kernels[k], m.motion, parameters, state, dt)
 
 
 @njit(cache=True, error_model="numpy", inline="always")

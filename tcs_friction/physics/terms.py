@@ -31,7 +31,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numba import float64, njit, types
+from numba import float64, njit
 
 from tcs_friction.errors import InputError
 
@@ -53,7 +53,6 @@ TEMPERATURE = 13  # degC
 EXOGENOUS = 14
 
 KERNEL_SIGNATURE = float64(float64[::1], float64[::1], float64[::1], float64)
-KERNEL_TYPE = types.FunctionType(KERNEL_SIGNATURE)
 
 Kernel = Callable[[Any, Any, Any, float], float]
 
