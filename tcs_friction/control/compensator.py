@@ -104,7 +104,12 @@ def lugre_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> f
 
 
 @njit(_SIGNATURE, cache=True)
-def stribeck_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> float:
+def stribeck_step(  # the memory is there for the common signature
+    state: Array,  # noqa: ARG001
+    parameters: Array,
+    v_ref: float,
+    a_ref: float,
+) -> float:
     """One tick of the memoryless feed-forward: the Stribeck curve at the reference speed, 0 at rest."""
     velocity = v_ref + a_ref * parameters[_LEAD]
     if velocity == 0.0:

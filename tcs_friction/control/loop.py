@@ -1,8 +1,8 @@
 """The closed loop offline: axis, controller, observer and compensator in one compiled loop.
 
-A tick at t[k] reads the measurement, updates the observer with the torque held since t[k-1], the compensator and
-the controller with the reference at t[k], and holds the new torque until t[k+1]: the same order, the same kernels
-and so the same numbers as the nodes in lock-step.
+A tick at t[k] reads the measurement, updates the observer with the torque held since t[k-1], the compensator
+and the controller with the reference at t[k], and holds the new torque until t[k+1]: the same order, the same
+kernels and so the same numbers as the nodes in lock-step.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
-from tcs_friction.physics.simulate import substeps_for
+from tcs_friction.physics.simulate import NOISE_BLOCK, substeps_for
 from tcs_friction.physics.terms import instance
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class LoopConfig:
 
     period: float = setting(1e-3, "s", 1e-5, 1.0, "control period")
     compensation: str = choice("none", COMPENSATIONS, "feed-forward of friction added to the command")
-    feed_back: bool = switch(False, "add the observer's estimate of friction not yet cancelled to the command")
+    feed_back: bool = switch(False, "add the observer's estimate of friction that is not yet cancelled")
 
     def validate(self, where: str = "loop") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
@@ -56,8 +56,8 @@ class LoopConfig:
 class LoopRun:
     """What happened, each array (n,), read-only, at the ticks t. SI units.
 
-    `torque` is the one applied (saturated) during the tick that ends at t, and `compensation` its compensator's
-    part; `position` and `velocity` are measured at t; `friction` and `opposing` are the plant's true torques at t.
+    `torque` is the one applied (saturated) during the tick that ends at t, `compensation` the compensator's
+    part of it; `position` and `velocity` are measured at t; `friction` and `opposing` are the plant's own.
     """
 
     t: Array
@@ -112,13 +112,13 @@ def simulate_loop(
     _check(config, controller, observer, compensator)
     period = config.period
     count = round(reference.duration / period) + 1
-    times = period * np.arange(count)
+    times: Array = period * np.arange(count, dtype=np.float64)
     targets = reference.over(times)
     substeps = substeps_for(axis, period)
     plant = compiled.build(axis, period / substeps, substeps, position=float(targets[0, 0]))
     observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
     compensating = compensator_parameters(compensator or CompensatorConfig(), period)
-    out = np.zeros((10, count))
+    out: Array = np.zeros((10, count))
     _run(
         plant,
         pid_parameters(controller, period),
@@ -131,13 +131,20 @@ def simulate_loop(
         np.zeros(STATES),
         COMPENSATIONS.index(config.compensation),
         targets,
-        np.random.default_rng(seed).standard_normal((count, 2)),
+        _normals(seed, count),
         out,
     )
     if not np.all(np.isfinite(out)):
         first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
         raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
-    return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *out)
+    return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *(row.copy() for row in out))
+
+
+def _normals(seed: int, count: int) -> Array:
+    """Shape (count, 2): the noise of the simulator's ticks in the order in which it draws them."""
+    generator = np.random.default_rng(seed)
+    blocks = [generator.standard_normal((NOISE_BLOCK, 2))[::-1] for _ in range(-(-count // NOISE_BLOCK))]
+    return np.ascontiguousarray(np.concatenate(blocks)[:count])
 
 
 def _check(
@@ -156,7 +163,7 @@ def _check(
         compensator.validate()
     elif config.compensation != "none":
         raise InputError(
-            "loop", f"compensation is {config.compensation} without parameters", "a compensator's configuration"
+            "loop", f"compensation is {config.compensation} without parameters", "a compensator configuration"
         )
 
 

@@ -212,7 +212,7 @@ def observer_step(
     state[_SPEED] = velocity
     state[ESTIMATE] = estimate
     state[REST] = estimate - cancelled
-    return estimate
+    return float(estimate)
 
 
 class ObserverConfig(Protocol):

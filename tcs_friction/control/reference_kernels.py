@@ -22,7 +22,7 @@ _SAMPLE = "UniTuple(f8, 3)(f8[::1], f8)"
 
 
 @njit(_SAMPLE, cache=True)
-def _hold(parameters: Array, t: float) -> Sample:
+def _hold(parameters: Array, t: float) -> Sample:  # noqa: ARG001 one signature for all kinds
     return parameters[0], 0.0, 0.0
 
 
@@ -141,7 +141,8 @@ def _elevation(
     ground = math.sqrt(x * x + y * y)
     slope = (x * vx + y * vy) / ground
     curve = (vx * vx + vy * vy + x * ax + y * ay - slope * slope) / ground
-    return _bearing(z, ground, vz, slope, az, curve)
+    result: Sample = _bearing(z, ground, vz, slope, az, curve)
+    return result
 
 
 @njit(_SAMPLE, cache=True)
@@ -157,7 +158,8 @@ def _satellite_pass(parameters: Array, t: float) -> Sample:
     if parameters[0] == 0.0:
         bearing, velocity, acceleration = _bearing(x, y, vx, vy, ax, ay)
         return parameters[5] + bearing, velocity, acceleration
-    return _elevation(x, y, z, vx, vy, vz, ax, ay, az)
+    result: Sample = _elevation(x, y, z, vx, vy, vz, ax, ay, az)
+    return result
 
 
 @njit(_SAMPLE, cache=True)
@@ -173,7 +175,8 @@ def _sidereal_track(parameters: Array, t: float) -> Sample:
     v_east, v_north, v_up = -w * c, along * w * s, -across * w * s
     a_east, a_north, a_up = w * w * s, along * w * w * c, -across * w * w * c
     if parameters[0] != 0.0:
-        return _elevation(east, north, up, v_east, v_north, v_up, a_east, a_north, a_up)
+        result: Sample = _elevation(east, north, up, v_east, v_north, v_up, a_east, a_north, a_up)
+        return result
     # The jump of atan2 is laid where the star passes its lower culmination, and undone there.
     days = math.floor((hour + math.pi) / (2.0 * math.pi))
     if declination < latitude:  # culminates south of the zenith
@@ -188,23 +191,26 @@ def _sidereal_track(parameters: Array, t: float) -> Sample:
 @njit("UniTuple(f8, 3)(i8, f8[::1], f8)", cache=True)
 def sample(code: int, parameters: Array, t: float) -> Sample:
     """Position, speed, acceleration at time t (s) of the reference with this code, in the order of KINDS."""
+    result: Sample
     if code == 0:
-        return _hold(parameters, t)
-    if code == 1:
-        return _constant_speed(parameters, t)
-    if code == 2:
-        return _sinusoid(parameters, t)
-    if code == 3:
-        return _multisine(parameters, t)
-    if code == 4:
-        return _swept_sine(parameters, t)
-    if code == 5:
-        return _steps(parameters, t)
-    if code == 6:
-        return _legs(parameters, t)
-    if code == 7:
-        return _satellite_pass(parameters, t)
-    return _sidereal_track(parameters, t)
+        result = _hold(parameters, t)
+    elif code == 1:
+        result = _constant_speed(parameters, t)
+    elif code == 2:
+        result = _sinusoid(parameters, t)
+    elif code == 3:
+        result = _multisine(parameters, t)
+    elif code == 4:
+        result = _swept_sine(parameters, t)
+    elif code == 5:
+        result = _steps(parameters, t)
+    elif code == 6:
+        result = _legs(parameters, t)
+    elif code == 7:
+        result = _satellite_pass(parameters, t)
+    else:
+        result = _sidereal_track(parameters, t)
+    return result
 
 
 @njit("f8[:, ::1](i8, f8[::1], f8[::1])", cache=True)

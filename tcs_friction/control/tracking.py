@@ -17,7 +17,7 @@ ARCSEC = np.pi / 648000.0
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """Average peaks at reversals to positive and to negative motion, and the RMS over the run; units of the error.
+    """Average peaks at reversals to positive and to negative motion, RMS over the run; units of the error.
 
     A peak is the largest magnitude of the error around one reversal, whatever its sign, so that an error that
     compensation has turned over counts as well. `peak_negative` is given with a minus sign, as in the paper.
