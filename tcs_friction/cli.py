@@ -1,0 +1,73 @@
+"""The command line: finds the command, runs it, and turns errors into one line on stderr and an exit status."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from tcs_friction.errors import TcsError
+from tcs_friction.physics.terms import nearest
+
+COMMANDS = {
+    "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
+    "node": "run one node",
+    "graph": "run the whole graph",
+    "simulate": "simulate an axis and its controller; writes a bag",
+    "identify": "identify inertia and friction from bags",
+    "diagnose": "find the physics that a model lacks against bags",
+    "paper": "every table and figure of the paper, ours beside theirs",
+    "bag": "look into bags, export and import them",
+    "bench": "run a benchmark",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse in this project's voice: one line."""
+
+    def error(self, message: str) -> None:  # type: ignore[override]
+        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
+        sys.exit(2)
+
+
+def usage() -> str:
+    """The page that `--help` and no command at all show."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
+    return "usage: tcs-friction COMMAND ...\n\n" + "\n".join(lines) + "\n\nEach command explains itself: tcs-friction COMMAND --help"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line; returns the exit status: 0 done, 1 could not do it, 2 wrong usage or bad input."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(usage())
+        return 0 if words else 2
+    name = words[0]
+    if name not in COMMANDS:
+        print(f"tcs-friction: no command {name!r}, expected {nearest(name, list(COMMANDS))}", file=sys.stderr)
+        return 2
+    try:
+        return _run(name, words[1:])
+    except TcsError as error:
+        print(f"tcs-friction: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        print("tcs-friction: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run(name: str, words: list[str]) -> int:
+    module = importlib.import_module(f"tcs_friction.commands.{name}")
+    parser = _Parser(prog=f"tcs-friction {name}", description=module.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    module.add_arguments(parser)
+    return int(module.run(parser.parse_args(words)) or 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,253 @@
+"""Axis files: what the simulation believes of an axis, where its signals are, how it is controlled.
+
+    axis:     name, kind, inertia, actuation_delay, friction, effects; sensors and drive for an axis that is simulated
+    signals:  where the signals are in a bag (see recording.signals)
+    control:  controller, observer, compensator, loop (see control)
+
+Unknown keys are refused with the nearest valid one.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import yaml
+
+from tcs_friction.control.compensator import CompensatorConfig
+from tcs_friction.control.config_field import from_mapping
+from tcs_friction.control.dob import DobConfig
+from tcs_friction.control.loop import LoopConfig
+from tcs_friction.control.pid import PidConfig
+from tcs_friction.errors import InputError
+from tcs_friction.physics.axis import Axis, Drive, Sensors
+from tcs_friction.physics.registry import effect, law
+from tcs_friction.physics.terms import Instance, Table, instance, nearest
+from tcs_friction.recording.signals import SignalMap
+
+T = TypeVar("T")
+
+AXIS_KEYS = ("name", "kind", "inertia", "actuation_delay", "friction", "effects", "sensors", "drive")
+EFFECT_KEYS = ("effect", "parameters", "signal", "table")
+TABLE_KEYS = ("coordinates", "lower", "upper", "values")
+
+
+@dataclass(frozen=True)
+class Control:
+    """How an axis is controlled: the configurations of the nodes and of the offline loop."""
+
+    controller: PidConfig = field(default_factory=PidConfig)
+    observer: DobConfig = field(default_factory=DobConfig)
+    compensator: CompensatorConfig = field(default_factory=CompensatorConfig)
+    loop: LoopConfig = field(default_factory=LoopConfig)
+
+
+@dataclass(frozen=True)
+class AxisFile:
+    """An axis file's content; `signals` and `control` are None where the file has no such block."""
+
+    axis: Axis
+    signals: SignalMap | None = None
+    control: Control | None = None
+
+    def with_axis(self, axis: Axis) -> AxisFile:
+        """The same file about another axis."""
+        return replace(self, axis=axis)
+
+
+def load_yaml(path: Path) -> Mapping[str, Any]:
+    """A YAML file whose top level is a mapping; InputError in one line otherwise."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(str(path), "no such file", "a YAML file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(str(path), f"cannot be read ({error})", "a YAML file") from None
+    except yaml.YAMLError as error:
+        problem = " ".join(str(error).split())
+        raise InputError(str(path), f"is not YAML ({problem})") from None
+    return mapping(content, str(path))
+
+
+def mapping(value: object, where: str, keys: tuple[str, ...] = ()) -> Mapping[str, Any]:
+    """`value` as a mapping with none but the given keys (any when empty)."""
+    if not isinstance(value, Mapping):
+        raise InputError(where, f"{type(value).__name__} {str(value)[:40]!r}", "a mapping")
+    for key in value:
+        if keys and key not in keys:
+            raise InputError(where, f"unknown key {key!r}", nearest(str(key), list(keys)))
+    return value
+
+
+def load_axis(path: Path) -> AxisFile:
+    """Read and check an axis file; InputError names the file, the key and what was expected."""
+    where = str(path)
+    content = mapping(load_yaml(path), where, ("axis", "signals", "control"))
+    if "axis" not in content:
+        raise InputError(where, "no axis block", "axis: {name, inertia, friction, ...}")
+    axis = parse_axis(content["axis"], where)
+    signals = SignalMap.from_mapping(content["signals"], where) if content.get("signals") is not None else None
+    control = parse_control(content["control"], f"{where}: control") if content.get("control") is not None else None
+    return AxisFile(axis, signals, control)
+
+
+def parse_axis(value: object, where: str = "axis") -> Axis:
+    """The `axis:` block as an Axis."""
+    where = f"{where}: axis"
+    block = mapping(value, where, AXIS_KEYS)
+    for key in ("inertia", "friction"):
+        if key not in block:
+            raise InputError(where, f"{key} is missing", "a positive number" if key == "inertia" else "a friction law")
+    return Axis(
+        name=str(block.get("name", "axis")),
+        inertia=_number(block["inertia"], f"{where}: inertia"),
+        friction=_parse_friction(block["friction"], f"{where}: friction"),
+        effects=_parse_effects(block.get("effects") or [], f"{where}: effects"),
+        kind=str(block.get("kind", "rotary")),
+        actuation_delay=_number(block.get("actuation_delay", 0.0), f"{where}: actuation_delay"),
+        sensors=_parse_numbers(Sensors, block.get("sensors") or {}, f"{where}: sensors"),
+        drive=_parse_numbers(Drive, block.get("drive") or {}, f"{where}: drive"),
+    )
+
+
+def parse_control(value: object, where: str = "control") -> Control:
+    """The `control:` block."""
+    block = mapping(value, where, tuple(entry.name for entry in fields(Control)))
+    kinds = {"controller": PidConfig, "observer": DobConfig, "compensator": CompensatorConfig, "loop": LoopConfig}
+    parts = {name: from_mapping(kinds[name], mapping(part, f"{where}: {name}"), f"{where}: {name}") for name, part in block.items()}
+    return Control(**parts)  # type: ignore[arg-type]
+
+
+def _number(value: object, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        hint = "a number (write 1.0e3: YAML reads 1e3 as text)" if isinstance(value, str) else "a finite number"
+        raise InputError(where, repr(value), hint)
+    return float(value)
+
+
+def _parse_numbers(kind: type[T], value: object, where: str) -> T:
+    names = tuple(entry.name for entry in fields(kind))  # type: ignore[arg-type]
+    block = mapping(value, where, names)
+    numbers = {name: _number(entry, f"{where}: {name}") for name, entry in block.items()}
+    for name, number in numbers.items():
+        if number < 0.0:
+            raise InputError(f"{where}: {name}", repr(number), "a number from 0")
+    return kind(**numbers)
+
+
+def _parse_friction(value: object, where: str) -> Instance:
+    block = mapping(value, where)
+    if "law" not in block:
+        raise InputError(where, "law is missing", "the name of a friction law")
+    term = law(str(block["law"]), where)
+    values = {name: _numeric(entry) for name, entry in block.items() if name != "law"}
+    return instance(term, values, f"{where} {term.id}")
+
+
+def _numeric(value: object) -> object:
+    """Numbers that YAML 1.1 reads as text (1e3) as numbers; anything else as it is, for the term to refuse."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+def _parse_effects(value: object, where: str) -> tuple[Instance, ...]:
+    if not isinstance(value, list):
+        raise InputError(where, f"{type(value).__name__}", "a list of {effect, parameters}")
+    return tuple(_parse_effect(entry, f"{where}[{i}]") for i, entry in enumerate(value))
+
+
+def _parse_effect(value: object, where: str) -> Instance:
+    block = mapping(value, where, EFFECT_KEYS)
+    if "effect" not in block:
+        raise InputError(where, "effect is missing", "the name of an effect")
+    term = effect(str(block["effect"]), where)
+    parameters = mapping(block.get("parameters") or {}, f"{where} {term.id}: parameters")
+    values = {name: _numeric(entry) for name, entry in parameters.items()}
+    table = _parse_table(block["table"], f"{where} {term.id}: table") if block.get("table") is not None else None
+    signal = str(block["signal"]) if block.get("signal") is not None else None
+    return instance(term, values, f"{where} {term.id}", signal, table)
+
+
+def _parse_table(value: object, where: str) -> Table:
+    block = mapping(value, where, TABLE_KEYS)
+    try:
+        values = np.asarray(block["values"], dtype=np.float64)
+        coordinates = tuple(str(name) for name in block["coordinates"])
+        lower, upper = (tuple(float(x) for x in block[key]) for key in ("lower", "upper"))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(where, f"cannot be read ({error!r})", "coordinates, lower, upper and a grid of values") from None
+    dimensions = {values.ndim, len(coordinates), len(lower), len(upper)}
+    if len(dimensions) != 1 or values.ndim not in (1, 2) or not np.isfinite(values).all() or min(values.shape) < 2:
+        raise InputError(where, f"values of shape {values.shape} over {coordinates}", "a finite grid over one or two coordinates")
+    if not all(high > low for low, high in zip(lower, upper, strict=True)):
+        raise InputError(where, f"range {lower} to {upper}", "lower below upper")
+    return Table(coordinates, lower, upper, values)
+
+
+def axis_mapping(axis: Axis) -> dict[str, Any]:
+    """The `axis:` block that `parse_axis` reads back to an equal axis; defaults are left out."""
+    block: dict[str, Any] = {"name": axis.name, "kind": axis.kind, "inertia": float(axis.inertia)}
+    if axis.actuation_delay:
+        block["actuation_delay"] = float(axis.actuation_delay)
+    block["friction"] = {"law": axis.friction.term.id, **_plain(axis.friction.values)}
+    block["effects"] = [_effect_mapping(item) for item in axis.effects]
+    for name, part in (("sensors", axis.sensors), ("drive", axis.drive)):
+        changed = {key: value for key, value in asdict(part).items() if value != asdict(type(part)())[key]}
+        if changed:
+            block[name] = _plain(changed)
+    return block
+
+
+def _plain(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items()}
+
+
+def _effect_mapping(item: Instance) -> dict[str, Any]:
+    defaults = {p.name: p.default for p in item.term.parameters}
+    values = {name: float(value) for name, value in item.values.items() if value != defaults[name]}
+    block: dict[str, Any] = {"effect": item.term.id, "parameters": values}
+    if item.signal is not None:
+        block["signal"] = item.signal
+    if item.table is not None:
+        table = item.table
+        block["table"] = {
+            "coordinates": list(table.coordinates),
+            "lower": [float(x) for x in table.lower],
+            "upper": [float(x) for x in table.upper],
+            "values": table.values.tolist(),
+        }
+    return block
+
+
+def axis_file_mapping(file: AxisFile) -> dict[str, Any]:
+    """The whole axis file as YAML would give it."""
+    content: dict[str, Any] = {"axis": axis_mapping(file.axis)}
+    if file.signals is not None:
+        content["signals"] = file.signals.to_mapping()
+    if file.control is not None:
+        content["control"] = {name: dict(part) for name, part in asdict(file.control).items()}
+    return content
+
+
+def save_axis(path: Path, file: AxisFile, comment: str = "") -> None:
+    """Write an axis file; `comment` lines go on top. The file appears whole or not at all."""
+    head = "".join(f"# {line}\n" for line in comment.splitlines())
+    write_whole(path, head + yaml.safe_dump(axis_file_mapping(file), sort_keys=False, width=110))
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file through a temporary name, so that nothing half-written is left under the final one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
