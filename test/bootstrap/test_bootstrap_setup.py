@@ -1,0 +1,210 @@
+"""./tcs: what it decides, what it says when something is missing, and that it does nothing twice."""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+STUB = "import sys; print(sys.path.count('{root}'), *sys.argv[1:]); sys.exit(7)\n"
+
+
+def load(script: Path) -> ModuleType:
+    loader = importlib.machinery.SourceFileLoader("tcs_bootstrap", str(script))
+    spec = importlib.util.spec_from_loader("tcs_bootstrap", loader)
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A checkout with a virtual environment and no workspace; its command line exits with 7."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    for name in ("ROS_DISTRO", "CC", "CXX"):
+        monkeypatch.delenv(name, raising=False)
+    root = tmp_path / "checkout"
+    root.mkdir()
+    for name in ("tcs", "setup.py", "setup.cfg", "package.xml"):
+        shutil.copy(ROOT / name, root / name)
+    for name in ("requirements", "msg_defs", "resource", "bin"):
+        shutil.copytree(ROOT / name, root / name)
+    (root / "tcs_friction").mkdir()
+    (root / "tcs_friction/__init__.py").touch()
+    (root / "tcs_friction/cli.py").write_text(STUB.format(root=root))
+    python = root / ".tcs/venv/bin/python"
+    python.parent.mkdir(parents=True)
+    python.symlink_to(sys.executable)
+    (root / ".tcs/venv/packages.stamp").write_text(load(root / "tcs").packages_fingerprint())
+    return root
+
+
+def run(checkout: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    tools = checkout / "tools"
+    tools.mkdir(exist_ok=True)
+    env = {"PATH": str(tools), "HOME": str(checkout), "PYTHONDONTWRITEBYTECODE": "1", **variables}
+    command = [sys.executable, str(checkout / "tcs"), *arguments]
+    return subprocess.run(command, env=env, capture_output=True, text=True, timeout=60)
+
+
+def make_environment(checkout: Path) -> Path:
+    """Writes the record of a finished set-up."""
+    module = load(checkout / "tcs")
+    environment = module.describe_environment()
+    environment["fingerprint"] = module.workspace_fingerprint()
+    record = checkout / ".tcs/environment.json"
+    record.write_text(json.dumps(environment))
+    return record
+
+
+def snapshot(folder: Path) -> dict[str, int]:
+    return {str(path): path.lstat().st_mtime_ns for path in folder.rglob("*")}
+
+
+def test_node_command_names_missing_compiler(checkout: Path) -> None:
+    result = run(checkout, "demo")
+    assert result.returncode == 1
+    assert result.stdout == ""
+    message = "tcs: no C compiler: install one (Debian, Ubuntu: build-essential)\n"
+    assert result.stderr == message
+
+
+def test_missing_cxx_compiler_is_told_from_missing_c_compiler(checkout: Path) -> None:
+    (checkout / "tools").mkdir()
+    (checkout / "tools/cc").symlink_to("/bin/true")
+    assert "no C++ compiler" in run(checkout, "demo").stderr
+
+
+def test_analysis_command_goes_on_without_compiler(checkout: Path) -> None:
+    result = run(checkout, "identify", "bag")
+    assert result.returncode == 7
+    assert result.stdout == "1 identify bag\n"
+    assert result.stderr.count("\n") == 1
+    assert "going on without ROS 2" in result.stderr
+
+
+def test_second_run_does_nothing_and_passes_the_exit_status(checkout: Path) -> None:
+    make_environment(checkout)
+    before = snapshot(checkout)
+    result = run(checkout, "demo", "-o", "out")
+    assert (result.returncode, result.stdout, result.stderr) == (7, "1 demo -o out\n", "")
+    after = snapshot(checkout)
+    assert {name: after[name] for name in before} == before
+    assert {Path(name).name for name in after.keys() - before.keys()} <= {"tools"}
+
+
+def test_changed_message_makes_the_set_up_run_again(checkout: Path) -> None:
+    make_environment(checkout)
+    with (checkout / "msg_defs/msg/AxisTorque.msg").open("a") as message:
+        message.write("float64 more\n")
+    assert "no C compiler" in run(checkout, "demo").stderr
+
+
+def test_broken_record_makes_the_set_up_run_again(checkout: Path) -> None:
+    make_environment(checkout).write_text('{"python": ')
+    assert "no C compiler" in run(checkout, "demo").stderr
+
+
+def test_moved_checkout_makes_its_own_environment(checkout: Path) -> None:
+    make_environment(checkout)
+    moved = checkout.rename(checkout.with_name("moved"))
+    assert load(moved / "tcs").read_environment() == {}
+
+
+def test_fingerprint_follows_packaging_and_not_sources(checkout: Path) -> None:
+    module = load(checkout / "tcs")
+    first = module.workspace_fingerprint()
+    (checkout / "tcs_friction/new.py").write_text("pass\n")
+    assert module.workspace_fingerprint() == first
+    (checkout / "config").mkdir()
+    (checkout / "config/axis.yaml").write_text("a")
+    second = module.workspace_fingerprint()
+    assert second != first
+    (checkout / "config/axis.yaml").write_text("b")
+    assert module.workspace_fingerprint() == second
+    (checkout / "requirements/core.txt").write_text("numpy\n")
+    assert module.workspace_fingerprint() != second
+
+
+def test_unsupported_python_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load(ROOT / "tcs")
+    monkeypatch.setattr(module.sys, "version_info", (3, 9, 2))
+    monkeypatch.setattr(module.shutil, "which", lambda _: None)
+    with pytest.raises(module.SetupError, match=r"Python 3\.11 to 3\.13 is needed, and python3 is 3\.9 here"):
+        module.use_supported_python()
+
+
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        ("ERROR: Could not find a version (from versions: none)\nERROR: No matching", "no network: "),
+        (
+            "warning: x\nCMake Error at CMakeLists.txt:4\nmore",
+            "build failed: CMake Error at CMakeLists.txt:4",
+        ),
+        ("No space left on device", "build failed: No space left on device"),
+        ("", "build failed: no output"),
+    ],
+)
+def test_failed_command_is_explained_in_one_line(output: str, message: str) -> None:
+    line = load(ROOT / "tcs").explain("build", output)
+    assert line.startswith(message)
+    assert "\n" not in line
+    assert "setup.log" in line
+
+
+@pytest.mark.parametrize(("distribution", "found"), [("jazzy", True), ("humble", False)])
+def test_only_jazzy_is_used_when_sourced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, distribution: str, found: bool
+) -> None:
+    (tmp_path / "share/rclpy").mkdir(parents=True)
+    (tmp_path / "share/rclpy/package.xml").touch()
+    module = load(ROOT / "tcs")
+    own = str(module.INSTALL / "tcs_friction")
+    monkeypatch.setenv("ROS_DISTRO", distribution)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{own}:{tmp_path}")
+    monkeypatch.setenv("PYTHONPATH", "/ros/site-packages")
+    assert module.sourced_prefixes() == ([str(tmp_path)] if found else [])
+    assert ("PYTHONPATH" in module.clean_environment()) is found
+
+
+def test_applying_the_environment_twice_changes_nothing_more(checkout: Path) -> None:
+    module = load(checkout / "tcs")
+    environment: dict[str, Any] = module.describe_environment()
+    once = module.apply_environment(environment, {"PATH": "/bin"})
+    assert once["PATH"].endswith(":/bin")
+    assert once["PYTHONPATH"].split(":")[0] == str(checkout)
+    assert module.apply_environment(environment, once) == once
+
+
+def test_termination_during_the_set_up_ends_the_child_and_leaves_no_record(checkout: Path) -> None:
+    slow = checkout / "slow.py"
+    pid_file = checkout / "pid"
+    slow.write_text(
+        "import os, runpy, signal, sys\n"
+        "signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))\n"
+        f"run_stage = runpy.run_path({str(checkout / 'tcs')!r})['run_stage']\n"
+        f"run_stage(1, 'slow', ['sh', '-c', 'echo $$ > {pid_file}; sleep 60'], dict(os.environ))\n"
+    )
+    child = subprocess.Popen([sys.executable, str(slow)], stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 20.0
+    while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    child.send_signal(signal.SIGTERM)
+    assert child.wait(timeout=20) == 143
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(pid_file.read_text()), 0)
+    assert not (checkout / ".tcs/environment.json").exists()
