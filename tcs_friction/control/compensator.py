@@ -76,8 +76,6 @@ class CompensatorConfig:
     def validate(self, where: str = "compensator") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
         validate(self, where)
-        self.positive.validate(f"{where} positive direction")
-        self.negative.validate(f"{where} negative direction")
 
 
 def compensator_parameters(config: CompensatorConfig, dt: float) -> Array:

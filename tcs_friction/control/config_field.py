@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from typing import Any, TypeVar, cast
 
 from tcs_friction.errors import InputError
@@ -84,30 +84,64 @@ def _setting_of(entry: Field[Any]) -> Setting:
     return Setting(entry.name, entry.default, unit, lower, upper, description, options)
 
 
+def parts(config: type[Any] | Any) -> dict[str, type[Any]]:
+    """The nested configurations of a configuration class or object: field name to class."""
+    return {
+        entry.name: cast(type[Any], entry.default_factory)
+        for entry in fields(config)
+        if _KEY not in entry.metadata and is_dataclass(entry.default_factory)
+    }
+
+
 def validate(config: Any, where: str) -> None:
-    """Refuse a configuration with any bad value; raises InputError naming every one of them."""
-    found: list[str] = []
-    for declared in settings(config):
-        problem = declared.problem(getattr(config, declared.name))
-        if problem is not None:
-            found.append(f"{declared.name} is {problem[0]}, expected {problem[1]}")
+    """Refuse a configuration with any bad value, nested ones included; InputError names every one of them."""
+    found = _problems(config, "")
     if found:
         raise InputError(where, "; ".join(found))
 
 
-def from_mapping(config_class: type[Config], mapping: Mapping[str, object], where: str) -> Config:
+def _problems(config: Any, prefix: str) -> list[str]:
+    found: list[str] = []
+    for declared in settings(config):
+        problem = declared.problem(getattr(config, declared.name))
+        if problem is not None:
+            found.append(f"{prefix}{declared.name} is {problem[0]}, expected {problem[1]}")
+    for name in parts(config):
+        found += _problems(getattr(config, name), f"{prefix}{name}.")
+    return found
+
+
+def from_mapping(config_class: type[Config], mapping: object, where: str) -> Config:
     """A validated configuration from a file's mapping; absent keys take their defaults.
 
     Raises InputError for an unknown key (naming the nearest known one) and for any value out of its range.
     """
-    declared = {entry.name: entry for entry in settings(config_class)}
-    for key in mapping:
-        if key not in declared:
-            raise InputError(where, f"unknown key {key!r}", nearest(str(key), list(declared)))
-    values: dict[str, Any] = {}
-    for key, value in mapping.items():
-        whole = isinstance(declared[key].default, float) and type(value) is int
-        values[key] = float(cast(int, value)) if whole else value
-    config = config_class(**values)
+    config = _build(config_class, mapping, where)
     validate(config, where)
     return config
+
+
+def _build(config_class: type[Config], mapping: object, where: str) -> Config:
+    if not isinstance(mapping, Mapping):
+        raise InputError(where, f"{mapping!r}", "a mapping of settings")
+    declared = {entry.name: entry for entry in settings(config_class)}
+    nested = parts(config_class)
+    values: dict[str, Any] = {}
+    for key, value in mapping.items():
+        if key in nested:
+            values[key] = _build(nested[key], value, f"{where} {key}")
+        elif key in declared:
+            values[key] = _number(value) if isinstance(declared[key].default, float) else value
+        else:
+            raise InputError(where, f"unknown key {key!r}", nearest(str(key), [*declared, *nested]))
+    return config_class(**values)
+
+
+def _number(value: object) -> object:
+    """A whole number, or one that YAML 1.1 takes for text (1e3), as a float; anything else as it is."""
+    if type(value) is int:
+        return float(value)
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value

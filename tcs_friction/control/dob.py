@@ -35,7 +35,6 @@ class DobConfig:
     def validate(self, where: str = "dob") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
         validate(self, where)
-        self.plant.validate(f"{where} nominal plant")
 
     @property
     def filter_delay(self) -> float:

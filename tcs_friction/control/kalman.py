@@ -30,7 +30,6 @@ class KalmanConfig:
     def validate(self, where: str = "observer") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
         validate(self, where)
-        self.plant.validate(f"{where} nominal plant")
 
     def _model(self) -> tuple[Array, Array]:
         """Continuous dynamics and torque gain of (speed, [its derivative,] friction)."""

@@ -102,8 +102,8 @@ def test_new_parameters_keep_the_bristle() -> None:
     ("config", "found"),
     [
         (replace(CONFIG, actuation_delay=math.nan), "compensator: actuation_delay is nan"),
-        (replace(CONFIG, positive=replace(POSITIVE, coulomb=0.0)), "positive direction: coulomb is 0"),
-        (replace(CONFIG, negative=replace(POSITIVE, viscous=-1.0)), "negative direction: viscous is -1"),
+        (replace(CONFIG, positive=replace(POSITIVE, coulomb=0.0)), r"positive\.coulomb is 0"),
+        (replace(CONFIG, negative=replace(POSITIVE, viscous=-1.0)), r"negative\.viscous is -1"),
     ],
 )
 def test_bad_parameters_are_refused_and_change_nothing(config: CompensatorConfig, found: str) -> None:

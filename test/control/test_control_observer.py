@@ -189,9 +189,9 @@ def test_wrong_inertia_shows_as_its_share_of_the_acceleration() -> None:
     ("design", "found"),
     [
         (DobConfig(bandwidth=math.nan), "bandwidth is nan"),
-        (DobConfig(plant=NominalPlant(first=0.0)), "nominal plant: first is 0"),
+        (DobConfig(plant=NominalPlant(first=0.0)), r"plant\.first is 0"),
         (KalmanConfig(friction_walk=-1.0), "friction_walk is -1"),
-        (KalmanConfig(plant=NominalPlant(constant=math.inf)), "constant is inf"),
+        (KalmanConfig(plant=NominalPlant(constant=math.inf)), r"plant\.constant is inf"),
     ],
 )
 def test_bad_configuration_is_refused_and_changes_nothing(design: ObserverConfig, found: str) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 
 import pytest
 
-from tcs_friction.control.config_field import choice, from_mapping, setting, settings, switch, validate
+from tcs_friction.control.config_field import choice, from_mapping, parts, setting, settings, switch, validate
 from tcs_friction.errors import InputError
 
 
@@ -75,3 +75,34 @@ def test_wrong_declaration_is_caught_where_it_is_written(default: float) -> None
         setting(default, "", 0.0, 10.0, "")
     with pytest.raises(ValueError, match="not one of"):
         choice("c", ("a", "b"), "")
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: Sample = field(default_factory=Sample)
+    scale: float = setting(1.0, "", 0.0, 2.0, "a scale")
+
+
+def test_nested_configuration_goes_to_a_mapping_and_back() -> None:
+    config = Outer(Sample(gain=3.0, axis="elevation"), 0.5)
+    assert from_mapping(Outer, asdict(config), "outer") == config
+    assert parts(Outer) == {"inner": Sample}
+    assert [entry.name for entry in settings(Outer)] == ["scale"]
+
+
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        ({"inner": {"gain": 99.0}, "scale": 3.0}, r"outer: scale is 3, .*; inner\.gain is 99"),
+        ({"inner": {"gian": 1.0}}, r"outer inner: unknown key 'gian', expected gain \("),
+        ({"iner": {}}, r"unknown key 'iner', expected inner \("),
+        ({"inner": 5}, "outer inner: 5, expected a mapping"),
+    ],
+)
+def test_bad_nested_value_is_refused(values: dict[str, object], found: str) -> None:
+    with pytest.raises(InputError, match=found):
+        from_mapping(Outer, values, "outer")
+
+
+def test_number_that_yaml_reads_as_text_is_a_number() -> None:
+    assert from_mapping(Sample, {"gain": "1e0"}, "sample").gain == 1.0
