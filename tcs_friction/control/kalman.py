@@ -21,7 +21,7 @@ class KalmanConfig:
 
     plant: NominalPlant = field(default_factory=NominalPlant)
     friction_walk: float = setting(100.0, "N m/s^0.5", 1e-9, 1e9, "RMS change of friction within one second")
-    velocity_noise: float = setting(1e-5, "rad/s", 1e-15, 1e3, "RMS noise of one speed measurement")
+    velocity_noise: float = setting(2e-4, "rad/s", 1e-15, 1e3, "RMS noise of one speed measurement")
     actuation_delay: float = setting(
         0.0, "s", 0.0, 0.1, "known delay between the logged torque and its action"
     )
