@@ -1,72 +1,219 @@
-"""Bags in: every recording that rosbag2 or ROS 1 wrote becomes a Recording."""
+"""Bags in: every recording that rosbag2 or ROS 1 wrote, whole or damaged, becomes a Recording."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
+import yaml
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording import mcap_read, ros1_read, sqlite_read
 from tcs_friction.recording.align import align
 from tcs_friction.recording.columns import TopicColumns
+from tcs_friction.recording.decode import Batch, topic_columns
+from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource, nearest
+from tcs_friction.recording.storage import BLOCK, ZSTD_MAGIC, Damage, Unpackable, unpack
 
-NAME_LISTS = ("name", "joint_names", "names")
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan
+SCANS: dict[bytes, type[Scan]] = {
+    mcap_read.MAGIC: mcap_read.McapScan,
+    sqlite_read.MAGIC: sqlite_read.SqliteScan,
+    ros1_read.MAGIC: ros1_read.Ros1Scan,
+}
+SUFFIXES: dict[str, type[Scan]] = {
+    ".mcap": mcap_read.McapScan, ".db3": sqlite_read.SqliteScan, ".bag": ros1_read.Ros1Scan
+}  # fmt: skip
 
 
 def read_recordings(bags: Sequence[Path], signals: SignalMap) -> tuple[Recording, ...]:
     """One recording a bag. Raises InputError when a bag is none, or lacks a topic, field or joint."""
-    return tuple(_read(Path(bag), signals) for bag in bags)
+    return tuple(_recording(Bag(Path(bag)), signals) for bag in bags)
 
 
-def _read(bag: Path, signals: SignalMap) -> Recording:
+def _recording(bag: Bag, signals: SignalMap) -> Recording:
+    sources = [source for _, source in signals.named()]
+    columns, notes = read_columns(bag, sources)
+    return align(columns, signals, str(bag.path), notes)
+
+
+def read_columns(bag: Bag, sources: Collection[SignalSource]) -> tuple[dict[str, TopicColumns], list[str]]:
+    """The columns of every topic that `sources` name, and what was found on the way.
+
+    Raises InputError naming the nearest topic, field or joint when one does not exist or is empty.
+    """
+    wanted: dict[str, list[SignalSource]] = {}
+    for source in sources:
+        wanted.setdefault(source.topic, []).append(source)
+    notes: list[str] = []
+    columns = topic_columns(bag.batches(wanted), wanted, str(bag.path), notes)
+    known = {channel.topic for channel in bag.channels}
+    for topic in wanted:
+        if topic not in known:
+            expected = nearest(topic, known) if known else f"topics in it{bag.lament()}"
+            raise InputError(str(bag.path), f"no topic {topic}", expected)
+        if topic not in columns:
+            raise InputError(str(bag.path), f"no message on {topic}{bag.lament()}", "some")
+    return columns, [*bag.notes, *notes]
+
+
+@dataclass
+class Bag:
+    """The storage files of one recording, read forward as often as `batches` is called.
+
+    After `batches` has ended, `channels` has every topic met, `damage` what was lost, `notes` both in words.
+    Raises InputError when the path is no bag.
+    """
+
+    path: Path
+    channels: set[Channel] = field(default_factory=set)
+    damage: Damage = field(default_factory=Damage)
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not self.path.exists():
+            raise InputError(str(self.path), "does not exist", "a bag (a directory, .mcap, .db3 or .bag)")
+        self.files = [self.path]
+        self.stated: int | None = None
+        self._file_notes: list[str] = []
+        if self.path.is_dir():
+            self.files = self._listed()
+
+    def lament(self) -> str:
+        """The damage for the end of an error message."""
+        return f" ({self.damage})" if self.damage else ""
+
+    def batches(self, topics: Collection[str] | None = None) -> Iterator[Batch]:
+        """Messages of the topics (None: all) in the order in which the files hold them, unpacked."""
+        self.channels, self.damage, read = set(), Damage(), 0
+        for path in self.files:
+            with self._plain(path) as plain:
+                scan = self._scan(path, plain)
+                if scan is None:
+                    continue
+                for batch in scan.batches():
+                    if topics is None or batch.channel.topic in topics:
+                        yield self._unpacked(batch)
+                self.channels.update(scan.channels.values())
+                read += scan.read
+        if self.damage and self.damage.unsure and self.stated is not None and self.stated >= read:
+            self.damage.lost_messages, self.damage.unsure = self.stated - read, False
+        self.notes = [*self._file_notes, *([str(self.damage)] if self.damage else [])]
+        if not self.channels:
+            raise InputError(str(self.path), f"nothing whole in it{self.lament()}", "a recording with messages")
+
+    def _scan(self, path: Path, plain: Path) -> Scan | None:
+        """The reader for a file, by its first bytes, else its suffix; None if it is lost beside others."""
+        with plain.open("rb") as stream:
+            head = stream.read(16)
+        suffix = path.suffix if path.suffix != ".zstd" else Path(path.stem).suffix
+        kind = next((kind for magic, kind in SCANS.items() if head.startswith(magic)), SUFFIXES.get(suffix))
+        size = plain.stat().st_size
+        found = "is empty (0 bytes)" if not size else "" if kind else f"begins with {head[:8]!r}"
+        if kind is sqlite_read.SqliteScan and head != sqlite_read.MAGIC:
+            found = found or "is no sqlite3 database"
+        if found and len(self.files) == 1:
+            raise InputError(str(path), found, "a rosbag2 mcap or sqlite3 file, or a ROS 1 bag")
+        if found:
+            self.damage.add(f"{path.name} {found}")
+            return None
+        assert kind is not None
+        return kind(plain, self.damage)
+
+    def _listed(self) -> list[Path]:
+        """The files of a directory: those its metadata names, else all that look like storage."""
+        present = sorted((p for p in self.path.iterdir() if _is_storage(p)), key=_natural)
+        text = self.path / "metadata.yaml"
+        if not text.exists():
+            if not present:
+                found = "is a directory without metadata.yaml, .mcap, .db3 or .bag files"
+                raise InputError(str(self.path), found, "a bag")
+            self._file_notes.append(f"metadata.yaml is missing; {len(present)} storage files found by name")
+            return present
+        try:
+            named = [self.path / Path(name).name for name in self._metadata(text)["relative_file_paths"]]
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError, RecursionError):
+            self._file_notes.append(f"metadata.yaml is broken; {len(present)} storage files found by name")
+            named = present
+        missing = [path for path in named if not path.exists()]
+        if missing:
+            self._file_notes.append(f"damaged: {', '.join(path.name for path in missing)} missing, the rest read")
+        files = [path for path in named if path.exists()] or present
+        if not files:
+            raise InputError(str(self.path), "none of its storage files exists", "the files that metadata.yaml names")
+        return files
+
+    def _metadata(self, text: Path) -> dict[str, Any]:
+        metadata: dict[str, Any] = yaml.safe_load(text.read_text())["rosbag2_bagfile_information"]
+        self.stated = int(metadata.get("message_count", 0)) or None
+        return metadata
+
+    @contextmanager
+    def _plain(self, path: Path) -> Iterator[Path]:
+        """The storage file itself, or an unpacked copy if the whole file is compressed."""
+        with path.open("rb") as stream:
+            if stream.read(4) != ZSTD_MAGIC:
+                yield path
+                return
+        with tempfile.TemporaryDirectory() as scratch:
+            plain = Path(scratch, path.stem)
+            with path.open("rb") as packed, plain.open("wb") as out:
+                try:
+                    with zstd.open(packed, "rb") as stream:
+                        shutil.copyfileobj(stream, out, BLOCK)
+                except (zstd.ZstdError, EOFError, OSError):
+                    self.damage.add(f"{path.name} cannot be unpacked to its end")
+            yield plain
+
+    def _unpacked(self, batch: Batch) -> Batch:
+        """The batch with messages decompressed, if they are compressed one by one."""
+        if batch.channel.encoding != "cdr" or not len(batch):
+            return batch
+        first = int(batch.starts[0])
+        if batch.buffer[first : first + 4].tobytes() != ZSTD_MAGIC:
+            return batch
+        whole, parts = [], []
+        for index, payload in enumerate(batch.payloads()):
+            try:
+                parts.append(_message(payload))
+                whole.append(index)
+            except Unpackable:
+                self.damage.add("messages that cannot be unpacked", len(payload), 1)
+        lengths = np.array([len(part) for part in parts], dtype=np.int64)
+        starts = np.cumsum(lengths) - lengths
+        buffer = np.frombuffer(b"".join(parts), np.uint8)
+        return replace(batch, buffer=buffer, log_times=batch.log_times[whole], starts=starts, lengths=lengths)
+
+
+def _message(payload: bytes) -> bytes:
+    """One message out of its own zstd frame."""
     try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            columns = {topic: _columns(reader, topic, signals, bag) for topic in signals.topics}
-    except (AnyReaderError, FileNotFoundError) as error:
-        raise InputError(str(bag), str(error), "a bag") from None
-    return align(columns, signals, str(bag))
+        size = zstd.get_frame_info(payload).decompressed_size
+    except (zstd.ZstdError, ValueError):
+        raise Unpackable("broken head") from None
+    return unpack(payload, "zstd", size if size is not None else 0)
 
 
-def _columns(reader: AnyReader, topic: str, signals: SignalMap, bag: Path) -> TopicColumns:
-    connections = [connection for connection in reader.connections if connection.topic == topic]
-    if not connections:
-        known = [connection.topic for connection in reader.connections]
-        raise InputError(str(bag), f"no topic {topic}", nearest(topic, known))
-    sources = [source for _, source in signals.named() if source.topic == topic]
-    log_times, stamps = [], []
-    values: dict[SignalSource, list[float]] = {source: [] for source in sources}
-    for connection, time, raw in reader.messages(connections):
-        message: Any = reader.deserialize(raw, connection.msgtype)
-        log_times.append(time)
-        if hasattr(message, "header"):
-            stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
-        for source in sources:
-            values[source].append(_value(message, source, bag))
-    return TopicColumns(
-        topic,
-        np.array(log_times, dtype=np.int64),
-        np.array(stamps, dtype=np.int64) if stamps else None,
-        {source: np.array(column) * source.scale for source, column in values.items()},
-    )
+def _is_storage(path: Path) -> bool:
+    suffix = Path(path.stem).suffix if path.suffix == ".zstd" else path.suffix
+    return suffix in SUFFIXES and path.is_file()
 
 
-def _value(message: Any, source: SignalSource, bag: Path) -> float:
-    names = next((list(getattr(message, key)) for key in NAME_LISTS if hasattr(message, key)), [])
-    for step in source.steps:
-        if isinstance(step, int):
-            message = message[step]
-        elif not hasattr(message, step):
-            raise InputError(str(bag), f"no field {step} in {source.topic}", nearest(step, vars(message)))
-        else:
-            message = getattr(message, step)
-    if source.joint is not None:
-        if source.joint not in names:
-            raise InputError(str(bag), f"no joint {source.joint} in {source.topic}", nearest(source.joint, names))
-        message = message[names.index(source.joint)]
-    return float(message)
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sort key that puts bag_10 after bag_9."""
+    return [(int(part or 0), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", path.name)]

@@ -1,0 +1,241 @@
+"""Columns from raw messages in bulk: one layout serves every message that has the same structure bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording import kernels
+from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
+from tcs_friction.recording.definitions import Channel, full_name, types_of
+from tcs_friction.recording.layout import Layout, Malformed, layout
+from tcs_friction.recording.recording import Column
+from tcs_friction.recording.signals import SignalSource, nearest
+from tcs_friction.recording.targets import stamp_path, target
+
+MAX_LAYOUTS = 32
+"""Layouts tried in bulk on one batch; messages that fit none of so many are parsed one by one."""
+
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Some messages of one channel as they lie in a buffer: (n,) log times in ns, payload offsets and lengths."""
+
+    channel: Channel
+    buffer: NDArray[np.uint8]
+    log_times: Nanoseconds
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def payload(self, index: int) -> bytes:
+        """The serialised bytes of one message."""
+        start = int(self.starts[index])
+        return self.buffer[start : start + int(self.lengths[index])].tobytes()
+
+    def payloads(self) -> Iterator[bytes]:
+        """Every message's bytes."""
+        return (self.payload(index) for index in range(len(self)))
+
+
+class Decoder:
+    """Decodes the batches of one channel into columns: the wanted sources and, if the type has one, the stamp."""
+
+    def __init__(self, channel: Channel, sources: Sequence[SignalSource], bag: str) -> None:
+        """Raises InputError if the channel's type lacks a source."""
+        if channel.encoding not in ("cdr", "ros1"):
+            raise InputError(f"{bag} {channel.topic}", f"messages are serialised as {channel.encoding}", "cdr or ros1")
+        self._types = types_of(channel)
+        self._msgtype = full_name(channel.msgtype)
+        self._ros1 = channel.encoding == "ros1"
+        self._targets = [target(channel, source, bag) for source in sources]
+        self.stamp = stamp_path(channel)
+        self._layouts: list[Layout] = []
+        self.names: dict[str, None] = {}  # joint names met, in order
+
+    def decode(self, batch: Batch) -> tuple[Column, Mask, Nanoseconds | None, Mask]:
+        """values (sources, n), absent (sources, n), stamps (n,) or None, and which messages could be decoded (n,)."""
+        count = len(batch)
+        values = np.full((len(self._targets), count), np.nan)
+        absent = np.zeros(values.shape, dtype=np.bool_)
+        stamps = np.zeros(count, dtype=np.int64) if self.stamp is not None else None
+        assigned = np.full(count, -1, dtype=np.int64)
+        used = self._assign(batch, assigned)
+        for number in used:
+            self._gather(batch, assigned, number, self._layouts[number], values, absent, stamps)
+        for index in np.flatnonzero(assigned == -1):
+            self._single(batch, int(index), values, absent, stamps, assigned)
+        return values, absent, stamps, assigned != -2
+
+    def _assign(self, batch: Batch, assigned: NDArray[np.int64]) -> list[int]:
+        """Give every message a layout: one known, else one made from the first message that fits none."""
+        used = []
+        number = 0
+        left = len(batch)
+        while left and number < MAX_LAYOUTS:
+            if number == len(self._layouts):
+                fresh = self._layout(batch, int(np.argmax(assigned == -1)), assigned)
+                if fresh is None:
+                    left -= 1
+                    continue
+                self._layouts.append(fresh)
+            known = self._layouts[number]
+            before = left
+            left = kernels.match_layout(
+                batch.buffer, batch.starts, batch.lengths, assigned, number, known.offsets, known.content, known.size
+            )
+            if left < before:
+                used.append(number)
+            number += 1
+        return used
+
+    def _layout(self, batch: Batch, index: int, assigned: NDArray[np.int64]) -> Layout | None:
+        """The layout of one message; a message that fits its type nowhere is marked -2."""
+        try:
+            raw = batch.payload(index)
+            fresh = layout(raw, self._types, self._msgtype, self._ros1, self._targets, self.stamp)
+        except Malformed:
+            assigned[index] = -2
+            return None
+        self.names.update(dict.fromkeys(fresh.names))
+        return fresh
+
+    def _gather(
+        self, batch: Batch, assigned: NDArray[np.int64], number: int, known: Layout,
+        values: Column, absent: Mask, stamps: Nanoseconds | None,
+    ) -> None:  # fmt: skip
+        chosen = assigned == number
+        whole = bool(chosen.all())
+
+        def column(offset: int, code: str) -> NDArray[np.generic]:
+            out = np.empty((len(batch), int(code[2])), dtype=np.uint8)
+            kernels.gather(batch.buffer, batch.starts, assigned, number, offset, out)
+            return out.view(code)[:, 0]
+
+        def place(into: NDArray[np.generic], values: NDArray[np.generic]) -> None:
+            if whole:
+                into[:] = values
+            else:
+                into[chosen] = values[chosen]
+
+        for row, item in enumerate(known.columns):
+            if item is None:
+                absent[row, chosen] = True
+            else:
+                place(values[row], column(*item))
+        if stamps is not None and known.stamp is not None:
+            seconds = column(known.stamp, f"{known.order}i4").astype(np.int64)
+            place(stamps, seconds * SECOND + column(known.stamp + 4, f"{known.order}u4"))
+
+    def _single(
+        self, batch: Batch, index: int, values: Column, absent: Mask, stamps: Nanoseconds | None,
+        assigned: NDArray[np.int64],
+    ) -> None:  # fmt: skip
+        fresh = self._layout(batch, index, assigned)
+        if fresh is None:
+            return
+        raw = batch.payload(index)
+        for row, item in enumerate(fresh.columns):
+            if item is None:
+                absent[row, index] = True
+            else:
+                values[row, index] = np.frombuffer(raw, item[1], 1, item[0])[0]
+        if stamps is not None and fresh.stamp is not None:
+            seconds = int(np.frombuffer(raw, f"{fresh.order}i4", 1, fresh.stamp)[0])
+            stamps[index] = seconds * SECOND + int(np.frombuffer(raw, f"{fresh.order}u4", 1, fresh.stamp + 4)[0])
+
+
+class _Growing:
+    """The columns of one topic while batches come in."""
+
+    def __init__(self, topic: str, sources: Sequence[SignalSource]) -> None:
+        self.topic = topic
+        self.sources = tuple(dict.fromkeys(sources))
+        self.decoders: dict[Channel, Decoder] = {}
+        self.log_times: list[Nanoseconds] = []
+        self.stamps: list[Nanoseconds] = []
+        self.values: list[list[Column]] = [[] for _ in self.sources]
+        self.absent: list[list[Mask]] = [[] for _ in self.sources]
+        self.spoilt = 0
+
+    def add(self, batch: Batch, bag: str) -> None:
+        decoder = self.decoders.get(batch.channel)
+        if decoder is None:
+            decoder = self.decoders[batch.channel] = Decoder(batch.channel, self.sources, bag)
+        values, absent, stamps, good = decoder.decode(batch)
+        everything = bool(good.all())
+        self.spoilt += 0 if everything else int(np.count_nonzero(~good))
+        self.log_times.append(batch.log_times if everything else batch.log_times[good])
+        if stamps is None:
+            stamps = np.zeros(len(batch), dtype=np.int64)
+        self.stamps.append(stamps if everything else stamps[good])
+        for row, source in enumerate(self.sources):
+            column = values[row] if everything else values[row, good]
+            self.values[row].append(column * source.scale if source.scale != 1.0 else column.copy())
+            self.absent[row].append(np.packbits(absent[row] if everything else absent[row, good]))
+
+    def columns(self, bag: str) -> TopicColumns:
+        counts = [len(part) for part in self.log_times]
+        headers = any(decoder.stamp is not None for decoder in self.decoders.values())
+        values, absent = {}, {}
+        for row, source in enumerate(self.sources):
+            missing = _unpacked(self.absent[row], counts)
+            if missing is not None:
+                absent[source] = missing
+                if missing.all():
+                    raise self._nowhere(source, bag)
+            values[source] = _joined(self.values[row], np.float64)
+        log_times = _joined(self.log_times, np.int64)
+        stamps = _joined(self.stamps, np.int64)
+        return TopicColumns(self.topic, log_times, stamps if headers else None, values, absent)
+
+    def _nowhere(self, source: SignalSource, bag: str) -> InputError:
+        names = [name for decoder in self.decoders.values() for name in decoder.names]
+        if source.joint is not None and source.joint not in names:
+            return InputError(f"{bag} {self.topic}", f"no joint {source.joint}", nearest(source.joint, names))
+        whose = f" for joint {source.joint}" if source.joint is not None else ""
+        return InputError(f"{bag} {self.topic}", f"{source.field} is empty{whose} in every message", "values")
+
+
+def _joined(parts: list[NDArray[np.generic]], kind: type) -> NDArray[np.generic]:
+    """The parts in one array; the list is emptied so that no column is held twice longer than needed."""
+    whole = np.empty(sum(len(part) for part in parts), dtype=kind)
+    at = 0
+    parts.reverse()
+    while parts:
+        part = parts.pop()
+        whole[at : at + len(part)] = part
+        at += len(part)
+    return whole
+
+
+def _unpacked(parts: list[NDArray[np.uint8]], counts: list[int]) -> Mask | None:
+    """Bit-packed masks in one array, None if nothing is set."""
+    if not any(part.any() for part in parts):
+        return None
+    return np.concatenate([np.unpackbits(part, count=count) for part, count in zip(parts, counts, strict=True)]).astype(bool)
+
+
+def topic_columns(
+    batches: Iterable[Batch], wanted: dict[str, list[SignalSource]], bag: str, told: list[str]
+) -> dict[str, TopicColumns]:
+    """Columns of every wanted topic that has messages. Messages that do not fit their type are counted in `told`."""
+    growing = {topic: _Growing(topic, sources) for topic, sources in wanted.items()}
+    for batch in batches:
+        if batch.channel.topic in growing and len(batch):
+            growing[batch.channel.topic].add(batch, bag)
+    result = {}
+    for topic, parts in growing.items():
+        if parts.spoilt:
+            told.append(f"{topic}: {parts.spoilt} messages do not fit their type, left out")
+        if any(len(part) for part in parts.log_times):
+            result[topic] = parts.columns(bag)
+    return result

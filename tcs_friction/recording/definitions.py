@@ -1,0 +1,135 @@
+"""Message types: the definition that came in the bag, else the standard type of that name."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc, Typesdict
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from tcs_friction.errors import InputError
+
+TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+NAME_LISTS = ("name", "names", "joint_names")
+"""What a list of joint names is called beside the arrays it names."""
+
+MAX_PATHS = 400
+"""Field paths listed of one type; more would only make an error message slower."""
+
+_IDL_SEPARATOR = "=" * 80 + "\n"
+
+Fields = tuple[tuple[str, FieldDesc], ...]
+Types = Mapping[str, Fields]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic as one storage file describes it. encoding: how messages are serialised, `cdr` or `ros1`.
+
+    definition: the text that came with it, "" if none; definition_encoding: ros2msg, ros2idl, ros1msg.
+    qos: the offered quality-of-service profiles as the bag has them (YAML text), "" if none.
+    """
+
+    topic: str
+    msgtype: str
+    encoding: str = "cdr"
+    definition: str = ""
+    definition_encoding: str = "ros2msg"
+    qos: str = ""
+
+
+@functools.cache
+def standard_types() -> Typestore:
+    """The message types of ROS 2 Jazzy's common interfaces."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@functools.cache
+def _ros1_types() -> Typestore:
+    return get_typestore(Stores.ROS1_NOETIC)
+
+
+def full_name(msgtype: str) -> str:
+    """`sensor_msgs/JointState` as ROS 1 says it becomes `sensor_msgs/msg/JointState`."""
+    parts = msgtype.split("/")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else msgtype
+
+
+@functools.lru_cache(maxsize=256)
+def types_of(channel: Channel) -> Types:
+    """Every type that a channel's messages are made of, by name, as (field name, description) pairs.
+
+    Raises InputError when the bag has no (whole) definition of a type and no standard type has its name.
+    """
+    msgtype = full_name(channel.msgtype)
+    base = _ros1_types() if channel.encoding == "ros1" else standard_types()
+    known: dict[str, Fields] = {name: tuple(fields) for name, (_, fields) in base.fielddefs.items()}
+    try:
+        own = parsed(channel.definition, channel.definition_encoding, msgtype) if channel.definition else {}
+    except Exception as error:  # the parser is given whatever a damaged file holds
+        if msgtype not in known:
+            raise InputError(channel.topic, f"the definition of {channel.msgtype} cannot be parsed: {error}") from None
+        own = {}
+    known.update({name: tuple(fields) for name, (_, fields) in own.items()})
+    reached: dict[str, Fields] = {}
+    waiting = [msgtype]
+    while waiting:
+        name = waiting.pop()
+        if name in reached or name in TIMES:
+            continue
+        if name not in known:
+            expected = "its definition in the bag, or a standard ROS 2 type"
+            raise InputError(channel.topic, f"type {name} is unknown", expected)
+        reached[name] = known[name]
+        waiting.extend(inner for _, desc in known[name] if (inner := type_name(desc)) is not None)
+    return reached
+
+
+def parsed(definition: str, encoding: str, msgtype: str) -> Typesdict:
+    """A definition's text as rosbags type descriptions."""
+    if encoding not in ("ros2idl", "omgidl"):
+        return get_types_from_msg(definition, msgtype)
+    if not definition.startswith(f"{_IDL_SEPARATOR}IDL: "):
+        return get_types_from_idl(definition)
+    types: Typesdict = {}
+    for part in definition.split(_IDL_SEPARATOR)[1:]:
+        types.update(get_types_from_idl(part.split("\n", 1)[1]))
+    return types
+
+
+def type_name(desc: FieldDesc) -> str | None:
+    """The message type that a field is or holds, None for numbers and strings."""
+    if desc[0] == Nodetype.NAME:
+        return str(desc[1])
+    if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        inner = desc[1][0]
+        return str(inner[1]) if inner[0] == Nodetype.NAME else None  # type: ignore[index]
+    return None
+
+
+def number_paths(types: Types, msgtype: str) -> list[str]:
+    """Dotted paths of the numbers and number arrays in a type; arrays of messages as `[0]`."""
+    return [path for _, path in zip(range(MAX_PATHS), _paths(types, full_name(msgtype), ""), strict=False)]
+
+
+def _paths(types: Types, msgtype: str, prefix: str) -> Iterator[str]:
+    for name, desc in types.get(msgtype, ()):
+        path = prefix + name
+        kind, detail = desc
+        if kind == Nodetype.BASE:
+            if detail[0] not in ("string", "wstring"):
+                yield path
+        elif kind == Nodetype.NAME:
+            if detail not in TIMES:
+                yield from _paths(types, str(detail), f"{path}.")
+        else:
+            inner = detail[0]
+            if inner[0] == Nodetype.NAME:  # type: ignore[comparison-overlap]
+                if inner[1] not in TIMES:
+                    yield from _paths(types, str(inner[1]), f"{path}[0].")
+            elif inner[1][0] not in ("string", "wstring"):  # type: ignore[index]
+                yield path
