@@ -140,3 +140,12 @@ def list_ros1_records(buffer, start, stop, table):
         rows += 1
         at = data_at + 4 + data_length
     return rows
+
+
+@numba.njit(types.void(types.uint8[:, ::1], LONGS, types.uint8[::1]), cache=True)
+def scatter(records, offsets, out):
+    """Copy each row of `records` to its offset in `out`."""
+    for index in range(len(records)):
+        at = offsets[index]
+        for place in range(records.shape[1]):
+            out[at + place] = records[index, place]
