@@ -123,6 +123,11 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
         axes.set_title(title)
 
 
+def legend(axes: Axes, columns: int = 4) -> None:
+    """The legend in one row above the axes, where it hides nothing."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2)
+
+
 def line(axes: Axes, x: Array, y: Array, color: str, name: str | None = None, **kwargs: Any) -> None:
     """A line that keeps its extremes however many points it has."""
     at = envelope(y)

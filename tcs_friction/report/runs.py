@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from tcs_friction.control.loop import LoopRun
-from tcs_friction.control.tracking import ARCSEC, TrackingErrors, tracking_errors
+from tcs_friction.control.tracking import ARCSEC, TrackingErrors, reversals, tracking_errors
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,
@@ -20,9 +20,9 @@ from tcs_friction.report.figures import (
     Array,
     drawn,
     label,
+    legend,
     line,
     panels,
-    thin,
 )
 
 DEGREE = np.pi / 180.0
@@ -67,26 +67,35 @@ class FrictionRun:
 
 @drawn("speed", "Speed of the axis over the run: wanted and measured.")
 def draw_speed(run: TrackingRun) -> Figure:
-    """Measured speed over wanted speed."""
+    """Measured speed under wanted speed."""
     figure, (axes,) = panels()
     line(axes, run.t, run.velocity / DEGREE, MUTED, "measured")
     line(axes, run.t, run.reference_velocity / DEGREE, MEASURED, "wanted")
     label(axes, "time (s)", "speed (deg/s)")
-    axes.legend(loc="upper right")
+    legend(axes)
     return figure
 
 
-@drawn("tracking_error", "Tracking error before and after compensation; the peaks are the reversals.")
+@drawn(
+    "tracking_error", "Tracking error before and after compensation: the whole run, and its last reversal."
+)
 def draw_errors(before: TrackingRun, after: TrackingRun, ideal: TrackingRun | None = None) -> Figure:
-    """Error in time: before on top, after below at the same scale, and the run without friction."""
-    figure, (top, bottom) = panels(2, sharex=True, sharey=True, height=2.2)
-    line(top, before.t, before.error / ARCSEC, BELIEVED)
-    label(top, "", "error (arcsec)", "before compensation")
-    line(bottom, after.t, after.error / ARCSEC, IMPROVED, "after")
+    """Error in time; on the right the last reversal, with the run without friction."""
+    figure, (whole, close) = panels(1, 2, height=3.2, width=9.4, gridspec_kw={"width_ratios": [1.7, 1]})
+    for run, color, name in ((before, BELIEVED, "before"), (after, IMPROVED, "after")):
+        line(whole, run.t, run.error / ARCSEC, color, name)
+    crossing = reversals(before.t, before.reference_velocity)
+    center = float(crossing[-1, 0]) if len(crossing) else float(before.t[-1])
+    every = ((before, BELIEVED, None), (ideal, TRUTH, "friction switched off"), (after, IMPROVED, None))
+    for run_or_none, color, label_or_none in every:
+        if run_or_none is not None:
+            near = np.abs(run_or_none.t - center) < 1.5
+            line(close, run_or_none.t[near], run_or_none.error[near] / ARCSEC, color, label_or_none)
+    label(whole, "time (s)", "error (arcsec)")
+    label(close, "time (s)", "")
+    legend(whole)
     if ideal is not None:
-        line(bottom, ideal.t, ideal.error / ARCSEC, TRUTH, "friction switched off", lw=0.8)
-        bottom.legend(loc="upper right", ncols=2)
-    label(bottom, "time (s)", "error (arcsec)", "after compensation")
+        legend(close)
     return figure
 
 
@@ -102,10 +111,9 @@ def draw_spectra(before: TrackingRun, after: TrackingRun, ideal: TrackingRun | N
     for run, color, name in every:
         if run is not None:
             frequency, density = spectrum(run)
-            axes.loglog(frequency, density, color=color, label=name)
+            axes.loglog(frequency, density, color=color, label=name, lw=1.0)
     label(axes, "frequency (Hz)", "error (arcsec/√Hz)")
-    axes.grid(True, which="both")
-    axes.legend()
+    legend(axes)
     return figure
 
 
@@ -122,20 +130,18 @@ def spectrum(run: TrackingRun) -> tuple[Array, Array]:
 def draw_friction(run: FrictionRun) -> Figure:
     """Friction in time on the left, over speed on the right."""
     figure, (left, right) = panels(1, 2, height=3.3, width=9.4, gridspec_kw={"width_ratios": [1.5, 1]})
-    every: list[tuple[Array | None, str, str]] = [
-        (run.observed, MEASURED, "observed"),
-        (run.truth, TRUTH, "true"),
-        (run.simulated, IMPROVED, "identified law"),
+    every: list[tuple[Array | None, str, str, float]] = [
+        (run.truth, TRUTH, "true", 3.0),
+        (run.observed, MEASURED, "observed", 1.2),
+        (run.simulated, IMPROVED, "identified law", 1.0),
     ]
-    few = thin(len(run.t))
-    for values, color, name in every:
-        if values is None:
-            continue
-        line(left, run.t, values, color, name, alpha=0.9)
-        right.plot(run.velocity[few] / DEGREE, values[few], ".", ms=1.5, color=color, rasterized=True)
+    for values, color, name, width in every:
+        if values is not None:
+            line(left, run.t, values, color, name, lw=width)
+            right.plot(run.velocity / DEGREE, values, color=color, lw=width)
     label(left, "time (s)", "friction (N m)")
-    label(right, "speed (deg/s)", "friction (N m)")
-    left.legend(loc="upper right", ncols=3)
+    label(right, "speed (deg/s)", "")
+    legend(left)
     return figure
 
 
@@ -146,7 +152,7 @@ def draw_costs(costs: Mapping[str, Array]) -> Figure:
     figure, (axes,) = panels()
     for (name, values), color in zip(costs.items(), colors, strict=False):
         axes.semilogy(np.arange(1, len(values) + 1), values, color=color, label=name)
-    label(axes, "generation", "best cost (N² m²)")
-    axes.grid(True, which="both")
-    axes.legend()
+    label(axes, "generation", "best cost ((N m)²)")
+    if len(costs) > 1:
+        legend(axes)
     return figure
