@@ -1,0 +1,335 @@
+"""The report of a diagnosis: the sentence, where the mismatch lives, before and after, the effect isolated.
+
+`write_report` takes the content of diagnosis.json and the `Evidence`, the arrays behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tcs_friction.report.figures import (
+    BELIEVED,
+    IMPROVED,
+    MEASURED,
+    MUTED,
+    RETUNED,
+    Array,
+    Picture,
+    drawn,
+    label,
+    legend,
+    line,
+    panels,
+    picture_of,
+    thin,
+)
+from tcs_friction.report.html import (
+    Cell,
+    Html,
+    Number,
+    key_numbers,
+    page,
+    picture,
+    section,
+    table,
+    write_page,
+)
+
+SIGNIFICANT = 0.01
+"""p-value below which the atlas calls a coordinate one where the residual lives."""
+
+WORDS = {
+    "match": "the model matches",
+    "parameters": "wrong parameters, no missing physics",
+    "missing_physics": "physics is missing",
+    "unexplained": "something outside the vocabulary remains",
+}
+
+
+@dataclass(frozen=True)
+class Look:
+    """The residual over one coordinate: bin centres x (k,), mean and its 95 % band (k,), torque unit."""
+
+    coordinate: str
+    unit: str
+    x: Array
+    mean: Array
+    band: Array
+    share: float  # of the residual's power
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Isolated:
+    """One effect by itself: what is left (n,) when all the rest is taken away, and the fitted effect, over x (n,)."""
+
+    effect: str
+    coordinate: str
+    unit: str
+    x: Array
+    residual: Array
+    fitted: Array
+
+
+@dataclass(frozen=True)
+class RunnerUp:
+    """A hypothesis that lost: its score (drop of the held-out residual, torque unit) and why it lost."""
+
+    effect: str
+    score: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The arrays behind a diagnosis.
+
+    t (n,) s with the torque residuals (n,) of the model as believed, retuned and improved; `held_out` (n,) bool marks
+    what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as the recording has it.
+    """
+
+    t: Array
+    believed: Array
+    retuned: Array
+    improved: Array
+    held_out: Array
+    atlas: tuple[Look, ...] = ()
+    isolated: tuple[Isolated, ...] = ()
+    runners_up: tuple[RunnerUp, ...] = ()
+    torque_unit: str = "N m"
+    position_unit: str = "rad"
+    notes: tuple[str, ...] = ()
+
+
+def write_report(
+    directory: Path,
+    diagnosis: Mapping[str, Any],
+    evidence: Evidence,
+    axis: str = "axis",
+    next_experiment: str | None = None,
+) -> Path:
+    """Write DIR/report.html and its pictures; returns the page's path. `next_experiment` is a file's name or text."""
+    where = draw_atlas(evidence)
+    series = draw_series(evidence, float(diagnosis["fit"]["noise_floor"]))
+    effects = [draw_isolated(item, i, evidence) for i, item in enumerate(evidence.isolated)]
+    parts = [
+        key_numbers(_numbers(diagnosis, evidence)),
+        section("Where the mismatch lives", picture(where), _atlas_table(diagnosis)),
+        section("Before and after", picture(series), _fit_table(diagnosis, evidence)),
+    ]
+    if diagnosis["effects"]:
+        parts.append(
+            section("What was left out", _effects_table(diagnosis, evidence), *map(picture, effects))
+        )
+    if evidence.runners_up:
+        rows = [[r.effect, f"{r.score:.3g}", r.reason] for r in evidence.runners_up]
+        head = ["hypothesis", f"gain ({evidence.torque_unit} rms)", "why it lost"]
+        parts.append(section("What else was considered", table(head, rows)))
+    parts.append(section("What to record next", next_experiment or "Nothing: this recording is enough."))
+    if evidence.notes:
+        parts.append(section("Notes", *evidence.notes))
+    remark = f"Verdict: {diagnosis['verdict']}, {WORDS[diagnosis['verdict']]}."
+    document = page(f"Diagnosis of {axis}", diagnosis["statement"], *parts, remark=remark)
+    return write_page(directory / "report.html", document, [where, series, *effects])
+
+
+@drawn("where", "Mean residual of the retuned model over each coordinate, with its 95 % band. "
+       "Orange: lives there, with the share of the residual's power that the coordinate explains.")  # fmt: skip
+def draw_atlas(evidence: Evidence) -> Figure:
+    """Small multiples, most telling coordinate first, all at one torque scale."""
+    looks = sorted(evidence.atlas, key=lambda look: -look.share)[:9]
+    if not looks:
+        figure, (axes,) = panels(height=1.5)
+        _empty(axes, "no coordinate to look at")
+        return figure
+    columns = min(3, len(looks))
+    figure, grid = panels(-(-len(looks) // columns), columns, height=2.1, width=9.4, sharey=True)
+    for axes, look in zip(grid, looks, strict=False):
+        _draw_look(axes, look)
+    for axes in grid[len(looks) :]:
+        axes.set_axis_off()
+    for axes in grid[::columns]:
+        axes.set_ylabel(f"residual ({evidence.torque_unit})")
+    return figure
+
+
+def _draw_look(axes: Axes, look: Look) -> None:
+    here = look.p_value < SIGNIFICANT
+    color = BELIEVED if here else MUTED
+    axes.axhline(0.0, color=MEASURED, lw=0.7)
+    if look.coordinate == "direction":
+        axes.errorbar(look.x, look.mean, look.band, fmt="o", color=color, capsize=4)
+        axes.set_xlim(-2, 2)
+        axes.set_xticks([-1, 1], ["negative", "positive"])
+    else:
+        axes.fill_between(look.x, look.mean - look.band, look.mean + look.band, color=color, alpha=0.25, lw=0)
+        axes.plot(look.x, look.mean, color=color)
+    name = look.coordinate.removeprefix("exogenous:").replace("_", " ")
+    axes.set_xlabel(f"{name} ({look.unit})" if look.unit else name)
+    axes.set_title(f"{100.0 * look.share:.0f} %" if here else "nothing", color=color)
+
+
+def _empty(axes: Axes, words: str) -> None:
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes)
+
+
+@drawn("before_after", "Torque residual over time: the model as believed, retuned, and with the physics found. "
+       "Grey background: held out, never seen by a fit or a choice. Dashed: twice the noise floor.")  # fmt: skip
+def draw_series(evidence: Evidence, noise_floor: float) -> Figure:
+    """Three panels at one scale, so that the eye compares."""
+    figure, grid = panels(3, height=1.5, width=9.0, sharex=True, sharey=True)
+    models = (
+        ("believed", evidence.believed, BELIEVED),
+        ("retuned", evidence.retuned, RETUNED),
+        ("improved", evidence.improved, IMPROVED),
+    )
+    for axes, (name, values, color) in zip(grid, models, strict=True):
+        _shade(axes, evidence)
+        line(axes, evidence.t, values, color, lw=0.8)
+        for sign in (-2.0, 2.0):
+            axes.axhline(sign * noise_floor, color=MEASURED, lw=0.8, ls="--")
+        rms = float(np.sqrt(np.mean(np.square(values))))
+        axes.set_title(f"{name}: {rms:.3g} {evidence.torque_unit} rms", color=color)
+    grid[1].set_ylabel(f"residual ({evidence.torque_unit})")
+    grid[-1].set_xlabel("time (s)")
+    everything = np.abs(np.concatenate([evidence.believed, evidence.improved]))
+    grid[0].set_ylim(*(1.3 * np.percentile(everything, 99.8) * np.array([-1.0, 1.0])))
+    return figure
+
+
+def _shade(axes: Axes, evidence: Evidence) -> None:
+    marked = np.concatenate([[False], np.asarray(evidence.held_out, dtype=bool), [False]])
+    edges = np.flatnonzero(marked[1:] != marked[:-1])
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(evidence.t[start], evidence.t[stop - 1], color="#eceff2", lw=0)
+
+
+def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
+    """What is left over the effect's own coordinate when all the rest is taken away, and the fitted effect."""
+
+    def draw() -> Figure:
+        figure, (axes,) = panels(height=3.0)
+        few = thin(len(item.x), 6000)
+        axes.plot(
+            item.x[few], item.residual[few], ".", ms=2, color=MUTED, label="left when the rest is taken away"
+        )
+        order = np.argsort(item.x, kind="stable")
+        line(axes, item.x[order], item.fitted[order], IMPROVED, f"{item.effect}, fitted", lw=1.8)
+        spread = 1.4 * np.percentile(np.abs(item.residual), 99.5)
+        axes.set_ylim(-spread, spread)
+        name = item.coordinate.removeprefix("exogenous:").replace("_", " ")
+        label(axes, f"{name} ({item.unit})" if item.unit else name, f"torque ({evidence.torque_unit})")
+        legend(axes)
+        return figure
+
+    return picture_of(f"effect_{index + 1}_{item.effect}", f"{item.effect} by itself.", draw)
+
+
+def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
+    fit, unit = diagnosis["fit"], evidence.torque_unit
+    found = ", ".join(e["effect"] for e in diagnosis["effects"]) or "nothing"
+    improved, floor = fit["improved"]["held_out"], fit["noise_floor"]
+    over = f"{improved / floor:.2f} times the noise floor" if floor else "noise floor unknown"
+    return [
+        Number("physics left out", found),
+        Number("held-out residual, as believed", f"{fit['believed']['held_out']:.3g} {unit}"),
+        Number("same physics, best parameters", f"{fit['retuned']['held_out']:.3g} {unit}"),
+        Number(
+            "with the physics found",
+            f"{improved:.3g} {unit}",
+            over,
+            bool(floor and improved <= 1.1 * floor) or None,
+        ),
+    ]
+
+
+def _atlas_table(diagnosis: Mapping[str, Any]) -> Html:
+    rows: list[list[str | Cell]] = []
+    for entry in sorted(diagnosis["atlas"], key=lambda e: -e["share"]):
+        here = entry["p_value"] < SIGNIFICANT
+        share = f"{100.0 * entry['share']:.1f} %"
+        p_value = "< 0.001" if entry["p_value"] < 0.001 else f"{entry['p_value']:.3f}"
+        limits = entry.get("range")
+        where = f"{limits[0]:.4g} to {limits[1]:.4g}" if limits else "everywhere"
+        rows.append([entry["coordinate"].replace("_", " "), share, p_value, where if here else ""])
+    return table(["coordinate", "share of residual power", "p-value", "range"], rows)
+
+
+def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
+    models = (
+        ("believed", "as given"),
+        ("retuned", "same physics, best parameters"),
+        ("improved", "with the physics found"),
+    )
+    free = diagnosis.get("free_run") or {}
+    position = free.get("position_rms") or {}
+    rows = [
+        [
+            f"{name}: {words}",
+            *(_digits(diagnosis["fit"][name][part]) for part in ("train", "held_out")),
+            _digits(position.get(name)),
+        ]
+        for name, words in models
+    ]
+    unit = evidence.torque_unit
+    horizon = free.get("horizon")
+    after = f" after {horizon:g} s" if horizon else ""
+    head = [
+        "model",
+        f"residual, train ({unit})",
+        f"residual, held out ({unit})",
+        f"free-run error{after} ({evidence.position_unit})",
+    ]
+    return table(head, rows, f"Noise floor {_digits(diagnosis['fit']['noise_floor'])} {unit}")
+
+
+def _digits(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"
+
+
+def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
+    rows: list[Sequence[str | Cell]] = []
+    for entry in diagnosis["effects"]:
+        values = "; ".join(
+            f"{name} {_with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip()
+            for name, p in entry["parameters"].items()
+        )
+        rows.append(
+            [
+                entry["effect"],
+                values,
+                entry["subsystem"],
+                f"{entry['torque_rms']:.3g}",
+                f"{100.0 * entry['probability']:.0f} %",
+                ", ".join(entry["equivalent"]) or "nothing else",
+            ]
+        )
+    head = [
+        "effect",
+        "parameters",
+        "look at",
+        f"rms ({evidence.torque_unit})",
+        "probability",
+        "cannot be told from",
+    ]
+    return table(head, rows)
+
+
+def _with_error(value: float, std: float | None) -> str:
+    """Value with its standard error at a sensible number of digits.
+
+    >>> _with_error(72.0013, 0.012), _with_error(0.5, None)
+    ('72.001 ± 0.012', '0.5')
+    """
+    if std is None or not np.isfinite(std) or std <= 0.0:
+        return f"{value:.5g}"
+    decimals = int(max(0, 1 - np.floor(np.log10(std))))
+    return f"{value:.{decimals}f} ± {std:.{decimals}f}" if decimals <= 6 else f"{value:.5g} ± {std:.2g}"
