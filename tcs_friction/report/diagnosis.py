@@ -68,7 +68,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Isolated:
-    """One effect by itself: what is left (n,) when all the rest is taken away, and the fitted effect, over x (n,)."""
+    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, and the fit (n,)."""
 
     effect: str
     coordinate: str
@@ -91,8 +91,8 @@ class RunnerUp:
 class Evidence:
     """The arrays behind a diagnosis.
 
-    t (n,) s with the torque residuals (n,) of the model as believed, retuned and improved; `held_out` (n,) bool marks
-    what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as the recording has it.
+    t (n,) s with the torque residuals (n,) of the model as believed, retuned and improved; `held_out` (n,) bool
+    marks what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as recorded.
     """
 
     t: Array
@@ -115,7 +115,7 @@ def write_report(
     axis: str = "axis",
     next_experiment: str | None = None,
 ) -> Path:
-    """Write DIR/report.html and its pictures; returns the page's path. `next_experiment` is a file's name or text."""
+    """Write DIR/report.html and its pictures; returns the page's path. `next_experiment` is shown as it is."""
     where = draw_atlas(evidence)
     series = draw_series(evidence, float(diagnosis["fit"]["noise_floor"]))
     effects = [draw_isolated(item, i, evidence) for i, item in enumerate(evidence.isolated)]
@@ -135,13 +135,16 @@ def write_report(
     parts.append(section("What to record next", next_experiment or "Nothing: this recording is enough."))
     if evidence.notes:
         parts.append(section("Notes", *evidence.notes))
-    remark = f"Verdict: {diagnosis['verdict']}, {WORDS[diagnosis['verdict']]}."
+    remark = f"Verdict: {WORDS[diagnosis['verdict']]}."
     document = page(f"Diagnosis of {axis}", diagnosis["statement"], *parts, remark=remark)
     return write_page(directory / "report.html", document, [where, series, *effects])
 
 
-@drawn("where", "Mean residual of the retuned model over each coordinate, with its 95 % band. "
-       "Orange: lives there, with the share of the residual's power that the coordinate explains.")  # fmt: skip
+@drawn(
+    "where",
+    "Mean residual of the retuned model over each coordinate, with its 95 % band. Orange: it lives there; "
+    "the share is that of the residual's power which the coordinate explains.",
+)
 def draw_atlas(evidence: Evidence) -> Figure:
     """Small multiples, most telling coordinate first, all at one torque scale."""
     looks = sorted(evidence.atlas, key=lambda look: -look.share)[:9]
@@ -173,7 +176,7 @@ def _draw_look(axes: Axes, look: Look) -> None:
         axes.plot(look.x, look.mean, color=color)
     name = look.coordinate.removeprefix("exogenous:").replace("_", " ")
     axes.set_xlabel(f"{name} ({look.unit})" if look.unit else name)
-    axes.set_title(f"{100.0 * look.share:.0f} %" if here else "nothing", color=color)
+    axes.set_title(f"{name}: {100.0 * look.share:.0f} %" if here else f"{name}: chance", color=color)
 
 
 def _empty(axes: Axes, words: str) -> None:
@@ -181,8 +184,11 @@ def _empty(axes: Axes, words: str) -> None:
     axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes)
 
 
-@drawn("before_after", "Torque residual over time: the model as believed, retuned, and with the physics found. "
-       "Grey background: held out, never seen by a fit or a choice. Dashed: twice the noise floor.")  # fmt: skip
+@drawn(
+    "before_after",
+    "Torque residual over time: the model as believed, retuned, and with the physics found. "
+    "Grey background: held out, never seen by a fit or a choice. Dashed: twice the noise floor.",
+)
 def draw_series(evidence: Evidence, noise_floor: float) -> Figure:
     """Three panels at one scale, so that the eye compares."""
     figure, grid = panels(3, height=1.5, width=9.0, sharex=True, sharey=True)
@@ -213,7 +219,7 @@ def _shade(axes: Axes, evidence: Evidence) -> None:
 
 
 def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
-    """What is left over the effect's own coordinate when all the rest is taken away, and the fitted effect."""
+    """What is left over the effect's own coordinate when the rest is taken away, and the fit."""
 
     def draw() -> Figure:
         figure, (axes,) = panels(height=3.0)
@@ -316,7 +322,7 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         "effect",
         "parameters",
         "look at",
-        f"rms ({evidence.torque_unit})",
+        f"rms, {evidence.torque_unit}",
         "probability",
         "cannot be told from",
     ]
