@@ -68,7 +68,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Isolated:
-    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, and the fit (n,)."""
+    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,)."""
 
     effect: str
     coordinate: str
@@ -91,7 +91,7 @@ class RunnerUp:
 class Evidence:
     """The arrays behind a diagnosis.
 
-    t (n,) s with the torque residuals (n,) of the model as believed, retuned and improved; `held_out` (n,) bool
+    t (n,) s with the torque residuals (n,) of the model as believed, retuned, improved; `held_out` (n,) bool
     marks what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as recorded.
     """
 
@@ -115,7 +115,7 @@ def write_report(
     axis: str = "axis",
     next_experiment: str | None = None,
 ) -> Path:
-    """Write DIR/report.html and its pictures; returns the page's path. `next_experiment` is shown as it is."""
+    """Write DIR/report.html and its pictures; returns the path. `next_experiment` is shown as it is."""
     where = draw_atlas(evidence)
     series = draw_series(evidence, float(diagnosis["fit"]["noise_floor"]))
     effects = [draw_isolated(item, i, evidence) for i, item in enumerate(evidence.isolated)]
