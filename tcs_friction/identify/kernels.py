@@ -1,0 +1,168 @@
+"""Compiled loops of LuGre identification over motion (n,) and populations (m, ...).
+
+The bristle is stepped as in `physics.friction.lugre` (bristle_step, stribeck_level), in the torque Z = sigma0 z. Candidates go side
+by side in lanes that the processor computes together, and the exponential is a polynomial for the same reason: 25 times the speed of
+one candidate at a time. `test_identify_kernels` holds both forms against each other.
+
+Common arguments: `velocity` (rad/s), `travel` (rad since the sample before), `carry` (1 within a stretch, 0 where one
+starts), `target` (N m), `weight` (1: counts in the cost, 0: does not), each (n,).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+
+LANES = 16
+FAST = {"contract", "nnan", "ninf", "nsz", "arcp"}
+COLUMNS = 5  # of the linear part: slide, bristle rate, velocity, acceleration, one
+GRAM = COLUMNS * (COLUMNS + 1) // 2 + COLUMNS  # its upper triangle and right-hand side
+
+
+@njit(inline="always")
+def falling_exponential(x: Any) -> Any:
+    """exp(x) for x <= 0, to 1e-13; below -44 the value there. Tenth-order Taylor of exp(x/64), squared six times."""
+    y = max(x, -44.0) * 0.015625
+    p = 1.0 + y * (1.0 + y * (1.0 / 2.0 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0 + y * (
+        1.0 / 720.0 + y * (1.0 / 5040.0 + y * (1.0 / 40320.0 + y * (1.0 / 362880.0 + y / 3628800.0)))))))))  # fmt: skip
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    return p * p
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)
+def squared_errors(velocity: Any, travel: Any, carry: Any, target: Any, weight: Any, population: Any, out: Any) -> None:
+    """Sum of squared errors of each LuGre parameter set: `population` (m, 6) as in `physics.friction.lugre`, `out` (m,)."""
+    L = LANES
+    count = population.shape[0]
+    for block in prange((count + L - 1) // L):
+        w = np.zeros(8 * L)  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness, damping, viscous, Z, sum
+        for j in range(L):
+            p = population[min(block * L + j, count - 1)]
+            w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
+            w[3 * L + j], w[4 * L + j], w[5 * L + j] = p[3], p[4], p[5]
+        for i in range(len(velocity)):
+            v, speed, square = velocity[i], abs(velocity[i]), velocity[i] * velocity[i]
+            moved, direction = -abs(travel[i]), math.copysign(1.0, travel[i])
+            kept, aim, share = carry[i], target[i], weight[i]
+            for j in range(L):
+                level = w[j] + w[L + j] * falling_exponential(square * w[2 * L + j])
+                inverse = 1.0 / level
+                steady = direction * level
+                bristle = steady + (kept * w[6 * L + j] - steady) * falling_exponential(w[3 * L + j] * moved * inverse)
+                w[6 * L + j] = bristle
+                error = bristle + w[4 * L + j] * (v - speed * inverse * bristle) + w[5 * L + j] * v - aim
+                w[7 * L + j] += share * error * error
+        for j in range(min(L, count - block * L)):
+            out[block * L + j] = w[7 * L + j]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)
+def normal_equations(
+    velocity: Any, travel: Any, carry: Any, acceleration: Any, target: Any, weight: Any, shapes: Any, out: Any
+) -> None:
+    """The linear part of LuGre for each shape: sums from which the best linear coefficients follow (variable projection).
+
+    `shapes` (m, 3): presliding distance coulomb/stiffness (rad), static/coulomb, Stribeck velocity (rad/s). With these fixed the torque
+    is linear in coulomb, damping, viscous, inertia and offset. `out` (m, GRAM): upper triangle of the weighted
+    Gram matrix row by row, then the products with the target.
+    """
+    L = LANES
+    count = shapes.shape[0]
+    for block in prange((count + L - 1) // L):
+        w = np.zeros(4 * L)
+        sums = np.zeros(GRAM * L)
+        for j in range(L):
+            p = shapes[min(block * L + j, count - 1)]
+            w[j], w[L + j], w[2 * L + j] = 1.0 / p[0], p[1] - 1.0, -1.0 / (p[2] * p[2])
+        for i in range(len(velocity)):
+            v, speed, square = velocity[i], abs(velocity[i]), velocity[i] * velocity[i]
+            moved, direction = -abs(travel[i]), math.copysign(1.0, travel[i])
+            kept, a, aim, share = carry[i], acceleration[i], target[i], weight[i]
+            for j in range(L):
+                level = 1.0 + w[L + j] * falling_exponential(square * w[2 * L + j])
+                inverse = 1.0 / level
+                steady = direction * level
+                y = steady + (kept * w[3 * L + j] - steady) * falling_exponential(w[j] * moved * inverse)
+                w[3 * L + j] = y
+                rate = v - speed * inverse * y
+                sy, sr = share * y, share * rate
+                sums[j] += sy * y
+                sums[L + j] += sy * rate
+                sums[2 * L + j] += sy * v
+                sums[3 * L + j] += sy * a
+                sums[4 * L + j] += sy
+                sums[5 * L + j] += sr * rate
+                sums[6 * L + j] += sr * v
+                sums[7 * L + j] += sr * a
+                sums[8 * L + j] += sr
+                sums[15 * L + j] += sy * aim
+                sums[16 * L + j] += sr * aim
+            fixed = (square, v * a, v, a * a, a, 1.0)
+            for k in range(6):
+                sums[(9 + k) * L] += share * fixed[k]
+            sums[17 * L] += share * v * aim
+            sums[18 * L] += share * a * aim
+            sums[19 * L] += share * aim
+        for j in range(min(L, count - block * L)):
+            for k in range(GRAM):
+                common = 9 <= k <= 14 or k >= 17
+                out[block * L + j, k] = sums[k * L] if common else sums[k * L + j]
+
+
+@njit(cache=True, error_model="numpy")
+def sensitivities(velocity: Any, travel: Any, bounds: Any, parameters: Any, initial: Any, out: Any) -> None:
+    """LuGre torque and its exact derivatives, integrated beside the bristle.
+
+    `bounds` (s + 1,): the stretches; `initial` (s,): bristle torque Z at their starts, N m. `out` (n, 8): torque; derivatives by
+    coulomb, static, stribeck_velocity, stiffness, damping, viscous; derivative by the stretch's initial Z.
+    """
+    coulomb, static, stribeck, stiffness, damping, viscous = parameters
+    for s in range(len(bounds) - 1):
+        z, z_c, z_s, z_w, z_k, z_0 = initial[s], 0.0, 0.0, 0.0, 0.0, 1.0
+        for i in range(bounds[s], bounds[s + 1]):
+            v, speed = velocity[i], abs(velocity[i])
+            ratio = v / stribeck
+            bell = math.exp(-ratio * ratio)
+            g = coulomb + (static - coulomb) * bell
+            g_c, g_s, g_w = 1.0 - bell, bell, (static - coulomb) * bell * 2.0 * ratio * ratio / stribeck
+            if travel[i] != 0.0:
+                sign, moved = math.copysign(1.0, travel[i]), abs(travel[i])
+                e = math.exp(-stiffness * moved / g)
+                gap = (z - sign * g) * e
+                slope = sign * (1.0 - e) + gap * stiffness * moved / (g * g)
+                z_c = z_c * e + slope * g_c
+                z_s = z_s * e + slope * g_s
+                z_w = z_w * e + slope * g_w
+                z_k = z_k * e - gap * moved / g
+                z_0 = z_0 * e
+                z = sign * g + gap
+            through = 1.0 - damping * speed / g
+            direct = damping * speed * z / (g * g)
+            out[i, 0] = z + damping * (v - speed * z / g) + viscous * v
+            out[i, 1] = through * z_c + direct * g_c
+            out[i, 2] = through * z_s + direct * g_s
+            out[i, 3] = through * z_w + direct * g_w
+            out[i, 4] = through * z_k
+            out[i, 5] = v - speed * z / g
+            out[i, 6] = v
+            out[i, 7] = through * z_0
+
+
+@njit(cache=True, error_model="numpy")
+def decimate(columns: Any, centres: Any, taps: Any, out: Any) -> None:
+    """Symmetric filter `taps` (2h + 1,) of `columns` (n, k) at the samples `centres` (m,), which lie h from any edge; `out` (m, k)."""
+    half = len(taps) // 2
+    for i in range(len(centres)):
+        for k in range(columns.shape[1]):
+            out[i, k] = 0.0
+        for j in range(len(taps)):
+            row = centres[i] - half + j
+            for k in range(columns.shape[1]):
+                out[i, k] += taps[j] * columns[row, k]

@@ -1,0 +1,155 @@
+"""Friction laws as a fit sees them: torque over a whole motion and its derivatives by the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from tcs_friction.identify import kernels
+from tcs_friction.identify.motion import Motion
+from tcs_friction.physics import machine as compiled
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Place, instance
+
+PROLOGUE = 24  # samples of steady motion that bring a law's memory to sliding before a stretch that starts in motion
+
+
+class Model(Protocol):
+    """A law over one Motion. Parameters are the law's own, in the order of its declaration."""
+
+    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
+        """(n,) N m of friction (and effects that depend on it)."""
+
+    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Torque (n,), its derivatives (n, p), and that by the stretch's own initial bristle torque (n,) or None."""
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """What of the torque is known before the fit: applied torque at the rotor and opposing torque of believed effects, each (n,)."""
+
+    rotor: np.ndarray
+    opposing: np.ndarray
+
+
+def background(axis: Axis, motion: Motion) -> Background:
+    """Evaluate the axis' effects that do not depend on the friction law."""
+    kept = tuple(item for item in axis.effects if item.term.place is not Place.SCALE)
+    out = evaluated(replace(axis, effects=kept), motion)
+    return Background(out[:, compiled.ROTOR].copy(), out[:, compiled.OPPOSED].copy())
+
+
+def depends_on_law(axis: Axis) -> bool:
+    """Whether the axis has effects that scale its friction, so that they have to be evaluated with it."""
+    return any(item.term.place in (Place.SCALE, Place.SENSOR) for item in axis.effects)
+
+
+def evaluated(axis: Axis, motion: Motion, sliding: bool = True) -> np.ndarray:
+    """`machine.evaluate` (n, 8) over every stretch on its own; one that starts in motion starts with sliding friction."""
+    names = tuple(sorted(motion.exogenous))
+    out = np.empty((len(motion), 8))
+    temperature = motion.temperature if motion.temperature is not None else np.full(len(motion), 20.0)
+    signals = np.ascontiguousarray(np.vstack([temperature, *(motion.exogenous[name] for name in names)]))
+    for part in motion.stretches:
+        machine = compiled.build(axis, 1.0 / motion.rate, 1, names)
+        if sliding and abs(motion.velocity[part.start]) > motion.resolution:
+            _slide(machine, motion, part.start, signals)
+        compiled.evaluate(
+            machine, motion.t[part], motion.position[part], motion.velocity[part], motion.acceleration[part],
+            motion.torque[part], signals[:, part], motion.resolution, out[part],
+        )  # fmt: skip
+    return out
+
+
+def _slide(machine: compiled.Machine, motion: Motion, start: int, signals: np.ndarray) -> None:
+    """Run steady motion at the stretch's first velocity up to its first position, long enough for any bristle to saturate."""
+    velocity = motion.velocity[start]
+    distance = 4.0 * max(float(np.ptp(motion.position)), abs(velocity) / motion.rate)
+    t = motion.t[start] + np.linspace(-distance / abs(velocity), -1e-9, PROLOGUE)
+    position = motion.position[start] + (t - motion.t[start]) * velocity
+    same = np.full(PROLOGUE, 1.0)
+    scratch = np.empty((PROLOGUE, 8))
+    held = np.ascontiguousarray(np.repeat(signals[:, start : start + 1], PROLOGUE, axis=1))
+    compiled.evaluate(
+        machine, t, position, velocity * same, 0.0 * same, motion.torque[start] * same, held, motion.resolution, scratch
+    )
+
+
+class LuGreModel:
+    """LuGre with exact derivatives. The initial bristle torque of each stretch is an input."""
+
+    def __init__(self, motion: Motion) -> None:
+        self._velocity = np.ascontiguousarray(motion.velocity)
+        self._travel = motion.travel
+        self._bounds = motion.bounds
+
+    def _run(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
+        out = np.empty((len(self._velocity), 8))
+        kernels.sensitivities(self._velocity, self._travel, self._bounds, values, initial, out)
+        return out
+
+    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
+        return self._run(values, initial)[:, 0]
+
+    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        out = self._run(values, initial)
+        return out[:, 0], out[:, 1:7], out[:, 7]
+
+
+class DahlModel(LuGreModel):
+    """Dahl with viscous friction is LuGre without Stribeck drop and bristle damping: coulomb, stiffness, viscous."""
+
+    def _as_lugre(self, values: np.ndarray) -> np.ndarray:
+        return np.array([values[0], values[0], 1.0, values[1], 0.0, values[2]])
+
+    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
+        return super().torque(self._as_lugre(values), initial)
+
+    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        torque, slopes, first = super().derivatives(self._as_lugre(values), initial)
+        return torque, np.column_stack([slopes[:, 0] + slopes[:, 1], slopes[:, 3], slopes[:, 5]]), first
+
+
+class AnyModel:
+    """Any law with its effects, through the axis' own evaluation; derivatives by central differences."""
+
+    def __init__(self, axis: Axis, motion: Motion) -> None:
+        self._axis = axis
+        self._motion = motion
+        self._names = [p.name for p in axis.friction.term.parameters]
+        self._bounds = [(p.lower, p.upper) for p in axis.friction.term.parameters]
+
+    def _axis_with(self, values: Sequence[float]) -> Axis:
+        clipped = {
+            name: float(np.clip(value, *bounds))
+            for name, value, bounds in zip(self._names, values, self._bounds, strict=True)
+        }
+        return replace(self._axis, friction=instance(self._axis.friction.term, clipped))
+
+    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:  # noqa: ARG002
+        out = evaluated(self._axis_with(values), self._motion)
+        moving: np.ndarray = out[:, compiled.REQUIRED] - out[:, compiled.OPPOSED]
+        return moving - out[:, compiled.MOVED] * self._motion.acceleration
+
+    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        slopes = np.empty((len(self._motion), len(values)))
+        for k in range(len(values)):
+            step = 1e-5 * max(abs(values[k]), 1e-9)
+            high, low = values.copy(), values.copy()
+            high[k] += step
+            low[k] = max(values[k] - step, self._bounds[k][0])
+            slopes[:, k] = (self.torque(high, initial) - self.torque(low, initial)) / (high[k] - low[k])
+        return self.torque(values, initial), slopes, None
+
+
+def model_for(axis: Axis, motion: Motion) -> Model:
+    """The fastest model of the axis' law."""
+    law = axis.friction.term.id
+    if law == "lugre" and not depends_on_law(axis):
+        return LuGreModel(motion)
+    if law == "dahl_viscous" and not depends_on_law(axis):
+        return DahlModel(motion)
+    return AnyModel(axis, motion)

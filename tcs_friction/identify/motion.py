@@ -1,0 +1,223 @@
+"""What a fit looks at: motion and torque on regular time steps, from recordings or from friction estimates.
+
+Velocity and acceleration come from the position by a zero-phase low pass and central differences; torque passes the same low
+pass. The pass band ends where the position's own noise begins, so that the acceleration does not drown in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt, welch
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording.recording import Recording
+
+HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
+LEAST_SAMPLES = 32  # of a segment that is worth filtering
+FILTER_ORDER = 4
+UNIFORM = 0.01  # relative jitter of the steps above which samples are moved onto a regular grid
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionSeries:
+    """Friction estimates against time, as a disturbance observer gives them. Each array (n,).
+
+    t in s, strictly increasing; velocity in rad/s; friction in N m, positive against positive motion. `delay` is by how much the
+    friction lags behind the velocity, s (the observer's filter); it is taken out.
+    """
+
+    t: np.ndarray
+    velocity: np.ndarray
+    friction: np.ndarray
+    delay: float = 0.0
+    source: str = "friction estimate"
+
+    def __post_init__(self) -> None:
+        for name in ("t", "velocity", "friction"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if values.ndim != 1 or len(values) != len(self.t):
+                raise InputError(self.source, f"{name} has shape {values.shape}", f"({len(self.t)},) like t")
+            if not np.isfinite(values).all():
+                raise InputError(self.source, f"{name}[{int(np.argmin(np.isfinite(values)))}] is not finite", "finite samples")
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        if len(self.t) < LEAST_SAMPLES:
+            raise InputError(self.source, f"{len(self.t)} samples", f"at least {LEAST_SAMPLES}")
+        if not (np.diff(self.t) > 0.0).all():
+            raise InputError(self.source, f"t must strictly increase; t[{int(np.argmin(np.diff(self.t) > 0.0)) + 1}] does not")
+        if not 0.0 <= self.delay < self.t[-1] - self.t[0]:
+            raise InputError(self.source, f"delay is {self.delay!r}", "from 0 to the series' duration, s")
+
+
+Data = Recording | FrictionSeries
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Regularly sampled motion and torque of one or several stretches, one after the other.
+
+    t, position, velocity, acceleration, torque: (n,). bounds: (s + 1,) where each stretch starts, and n.
+    temperature (n,) and exogenous name -> (n,) as recorded. rate: samples/s. bandwidth: Hz, of the low pass (0: none).
+    velocity_noise: rad/s, standard deviation of the velocity's error. measured: torque is friction itself (no inertia in it).
+    """
+
+    t: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+    bounds: np.ndarray
+    rate: float
+    bandwidth: float
+    velocity_noise: float
+    measured: bool
+    temperature: np.ndarray | None = None
+    exogenous: Mapping[str, np.ndarray] = field(default_factory=dict)
+    sources: tuple[int, ...] = ()  # which recording each stretch is from
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def travel(self) -> np.ndarray:
+        """(n,) rad moved since the sample before, zero where a stretch starts."""
+        moved = np.zeros(len(self))
+        moved[1:] = 0.5 * (self.velocity[1:] + self.velocity[:-1]) * np.diff(self.t)
+        moved[self.bounds[:-1]] = 0.0
+        return moved
+
+    @property
+    def stretches(self) -> list[slice]:
+        """The stretches without a gap."""
+        return [slice(int(a), int(b)) for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)]
+
+    @property
+    def resolution(self) -> float:
+        """rad/s below which the direction of motion is not known."""
+        return max(3.0 * self.velocity_noise, 1e-4 * float(np.abs(self.velocity).max(initial=0.0)), 1e-12)
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the axis moves both ways."""
+        return bool((self.velocity > self.resolution).any() and (self.velocity < -self.resolution).any())
+
+
+def prepare(data: Sequence[Data], bandwidth: float | None = None) -> Motion:
+    """Smooth the recordings, or take the friction series as they are, into one Motion.
+
+    Parameters
+    ----------
+    data: recordings or friction series, not mixed.
+    bandwidth: of the low pass, Hz; chosen from the position's noise when None.
+
+    Raises InputError when there is nothing long enough to filter.
+    """
+    if not data:
+        raise InputError("identification", "no recordings", "at least one")
+    series = [item for item in data if isinstance(item, FrictionSeries)]
+    recordings = [item for item in data if isinstance(item, Recording)]
+    if series and recordings:
+        raise InputError("identification", "recordings and friction series together", "one kind of data")
+    return _from_series(series) if series else _from_recordings(recordings, bandwidth)
+
+
+def _from_series(series: Sequence[FrictionSeries]) -> Motion:
+    parts = []
+    for item in series:
+        friction = np.interp(item.t + item.delay, item.t, item.friction)
+        kept = item.t <= item.t[-1] - item.delay
+        t, velocity = item.t[kept], item.velocity[kept]
+        position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))])
+        parts.append((t, position, velocity, np.zeros(len(t)), friction[kept]))
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    bounds = np.concatenate([[0], np.cumsum([len(part[0]) for part in parts])]).astype(np.int64)
+    rate = 1.0 / float(np.median(np.concatenate([np.diff(part[0]) for part in parts])))
+    noise = float(np.median([_roughness(part[2]) for part in parts]))
+    return Motion(*columns, bounds, rate, 0.0, noise, True, sources=tuple(range(len(parts))))
+
+
+def _roughness(values: np.ndarray) -> float:
+    """Standard deviation of white noise on a smooth signal, from third differences (robust)."""
+    differences = np.diff(values, 3)
+    return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(20.0)) if len(differences) else 0.0
+
+
+def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None) -> Motion:
+    steps = np.concatenate([np.diff(item.t[part]) for item in recordings for part in item.segments])
+    rate = 1.0 / float(np.median(steps))
+    grids = [(k, _regular(item, part, rate)) for k, item in enumerate(recordings) for part in item.segments]
+    grids = [(k, columns) for k, columns in grids if len(columns["t"]) >= LEAST_SAMPLES]
+    if not grids:
+        raise InputError(recordings[0].source, "every stretch is too short", f"{LEAST_SAMPLES} samples without a gap")
+    density = float(np.median([noise_density(columns["position"], rate) for _, columns in grids]))
+    chosen = bandwidth or min(useful_bandwidth(columns["position"], rate, density) for _, columns in grids)
+    chosen = min(chosen, 0.4 * rate)
+    parts = [(k, smooth(columns, rate, chosen)) for k, columns in grids]
+    joined = {name: np.concatenate([columns[name] for _, columns in parts]) for name in parts[0][1]}
+    bounds = np.concatenate([[0], np.cumsum([len(columns["t"]) for _, columns in parts])]).astype(np.int64)
+    noise = np.sqrt(density * (2.0 * np.pi) ** 2 * chosen**3 / 3.0)
+    known = ("t", "position", "velocity", "acceleration", "torque")
+    exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
+    notes = (f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz",)
+    return Motion(
+        *(joined[name] for name in known),
+        bounds, rate, chosen, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
+        tuple(k for k, _ in parts), notes,
+    )  # fmt: skip
+
+
+def _regular(recording: Recording, part: slice, rate: float) -> dict[str, np.ndarray]:
+    """One stretch's signals on a regular grid of that rate; interpolated only if its own steps are uneven or others."""
+    columns = {"t": recording.t[part], "position": recording.position[part], "torque": recording.torque[part]}
+    if recording.temperature is not None:
+        columns["temperature"] = recording.temperature[part]
+    columns.update({name: values[part] for name, values in recording.exogenous.items()})
+    t = columns["t"]
+    uneven = np.abs(np.diff(t) * rate - 1.0)
+    if np.quantile(uneven, 0.9) <= UNIFORM:
+        return columns
+    grid = t[0] + np.arange(int((t[-1] - t[0]) * rate) + 1) / rate
+    return {"t": grid, **{name: np.interp(grid, t, values) for name, values in columns.items() if name != "t"}}
+
+
+def noise_density(position: np.ndarray, rate: float) -> float:
+    """One-sided density of the position's noise, rad^2/Hz, from the uppermost frequencies, where an axis does not move."""
+    frequency, density = _spectrum(position, rate)
+    top = frequency > 0.35 * rate
+    return float(np.median(density[top]) / 0.7) if top.any() else 0.0  # median of an exponential variate over few averages
+
+
+def _spectrum(position: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    length = min(len(position), max(256, int(2.0 * rate)))
+    frequency, density = welch(position, rate, window="blackmanharris", nperseg=length, detrend="linear")
+    return frequency, density
+
+
+def useful_bandwidth(position: np.ndarray, rate: float, noise: float) -> float:
+    """Frequency (Hz) up to which the position rises above its noise density, within sensible limits."""
+    frequency, density = _spectrum(position, rate)
+    smoothed = np.convolve(density, np.full(5, 0.2), mode="same")
+    below = np.flatnonzero(smoothed < 4.0 * noise)
+    highest = HIGHEST_SHARE * rate
+    found = frequency[below[0]] if len(below) else highest
+    return float(np.clip(found, min(8.0 * rate / len(position), highest), highest))
+
+
+def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> dict[str, np.ndarray]:
+    """Zero-phase low pass of every signal, velocity and acceleration by central differences; filtered ends are left out."""
+    sections = butter(FILTER_ORDER, bandwidth, fs=rate, output="sos")
+    length = len(columns["t"])
+    edge = min(int(1.5 * rate / bandwidth), length // 4)
+    padding = min(3 * edge, length - 1)
+    result = {name: np.asarray(values) for name, values in columns.items()}
+    for name in columns:
+        if name not in ("t", "temperature"):
+            result[name] = sosfiltfilt(sections, columns[name], padlen=padding)
+    result["velocity"] = np.gradient(result["position"], 1.0 / rate)
+    result["acceleration"] = np.gradient(result["velocity"], 1.0 / rate)
+    return {name: values[edge : length - edge] for name, values in result.items()}

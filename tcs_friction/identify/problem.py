@@ -1,0 +1,126 @@
+"""The least-squares problem: what is compared with what, filtered alike and thinned to the rate that still carries information."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tcs_friction.identify import kernels
+from tcs_friction.identify.models import Model, background, model_for
+from tcs_friction.identify.motion import Motion
+from tcs_friction.physics.axis import Axis
+
+MOST_INITIAL_STATES = 16
+SERIES_POINTS = 20000  # friction series are thinned to about this many points
+
+
+@dataclass(frozen=True, eq=False)
+class Thinning:
+    """Which samples are compared, after which symmetric filter. centres (m,) sample indices; taps (2 h + 1,)."""
+
+    centres: np.ndarray
+    taps: np.ndarray
+    stride: int
+
+    def apply(self, columns: np.ndarray) -> np.ndarray:
+        """(n, k) -> (m, k)."""
+        if len(self.taps) == 1:
+            return columns[self.centres]
+        out = np.empty((len(self.centres), columns.shape[1]))
+        kernels.decimate(np.ascontiguousarray(columns), self.centres, self.taps, out)
+        return out
+
+
+def thinning(motion: Motion) -> Thinning:
+    """Twice the bandwidth is enough for a smoothed recording; a friction series is only thinned when it is very long."""
+    if motion.bandwidth > 0.0:
+        stride = max(1, int(motion.rate / (2.0 * motion.bandwidth)))
+    else:
+        stride = max(1, len(motion) // SERIES_POINTS)
+    half = 0 if stride == 1 or motion.bandwidth == 0.0 else 3 * stride
+    x = np.arange(-half, half + 1) / stride
+    taps = np.sinc(0.8 * x) * (0.5 + 0.5 * np.cos(np.pi * x / 3.0) if half else 1.0)
+    centres = [np.arange(part.start + half, part.stop - half, stride) for part in motion.stretches]
+    return Thinning(np.concatenate(centres).astype(np.int64), taps / taps.sum(), stride)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Torque measured against torque modelled.
+
+    The vector of unknowns holds the law's parameters, then inertia, offset and the initial bristle torque of each
+    stretch. `rotor` (n,) is the torque to explain; `weights` (m,) say which compared samples count.
+    """
+
+    axis: Axis
+    motion: Motion
+    model: Model
+    rotor: np.ndarray
+    thin: Thinning
+    target: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def law_size(self) -> int:
+        return len(self.axis.friction.term.parameters)
+
+    @property
+    def inertia_index(self) -> int:
+        return self.law_size
+
+    @property
+    def offset_index(self) -> int:
+        return self.law_size + 1
+
+    @property
+    def names(self) -> list[str]:
+        """Of the unknowns."""
+        states = [f"initial bristle torque {k}" for k in range(len(self.motion.bounds) - 1)]
+        return [*(p.name for p in self.axis.friction.term.parameters), "inertia", "offset", *states]
+
+    @property
+    def times(self) -> np.ndarray:
+        return self.motion.t[self.thin.centres]
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """(m,) rad/s at the compared samples."""
+        return self.motion.velocity[self.thin.centres]
+
+    def masked(self, mask: np.ndarray) -> Problem:
+        """The same problem in which only some of the samples count."""
+        return replace(self, weights=self.weights * mask)
+
+    def torque(self, unknowns: np.ndarray) -> np.ndarray:
+        """(m,) modelled torque."""
+        k = self.law_size
+        whole = self.model.torque(unknowns[:k], unknowns[k + 2 :])
+        whole = whole + unknowns[k] * self.motion.acceleration + unknowns[k + 1]
+        return self.thin.apply(whole[:, None])[:, 0]
+
+    def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Torque (m,) and its derivatives by every unknown (m, p)."""
+        k = self.law_size
+        law, slopes, first = self.model.derivatives(unknowns[:k], unknowns[k + 2 :])
+        stretches = self.motion.stretches
+        columns = np.zeros((len(law), 1 + k + 2 + len(stretches)))
+        columns[:, 0] = law + unknowns[k] * self.motion.acceleration + unknowns[k + 1]
+        columns[:, 1 : 1 + k] = slopes
+        columns[:, 1 + k] = self.motion.acceleration
+        columns[:, 2 + k] = 1.0
+        if first is not None and len(stretches) <= MOST_INITIAL_STATES:
+            for s, part in enumerate(stretches):
+                columns[part, 3 + k + s] = first[part]
+        thinned = self.thin.apply(columns)
+        return thinned[:, 0], thinned[:, 1:]
+
+
+def pose(axis: Axis, motion: Motion) -> Problem:
+    """The problem of an axis (its law and effects believed) and a motion."""
+    known = background(axis, motion)
+    rotor = known.rotor - known.opposing
+    thin = thinning(motion)
+    return Problem(
+        axis, motion, model_for(axis, motion), rotor, thin, thin.apply(rotor[:, None])[:, 0], np.ones(len(thin.centres))
+    )
