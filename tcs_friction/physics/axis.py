@@ -67,7 +67,7 @@ class Axis:
 
     @property
     def terms(self) -> tuple[Instance, ...]:
-        """All terms in the order they act: drive, law, scale, opposing, body, sensor."""
+        """All terms in the order they act: drive, scale, law, opposing, body, sensor."""
         order = list(Place)
         delay = effect("transport_delay")
         known = (instance(delay, {"delay": self.actuation_delay}),) if self.actuation_delay > 0.0 else ()
@@ -95,8 +95,8 @@ class Axis:
             moving = self.inertia * share
             rates.append(math.sqrt(values.get("stiffness", 0.0) / moving) if values.get("stiffness", 0.0) > 0 else 0.0)
             rates.append((values.get("damping", 0.0) + values.get("viscous", 0.0)) / moving)
-            for name in ("frequency", "contact_frequency"):
-                rates.append(2.0 * math.pi * values.get(name, 0.0) / math.sqrt(share))
+            rates.append(2.0 * math.pi * values.get("frequency", 0.0))
+            rates.append(2.0 * math.pi * values.get("contact_frequency", 0.0) / math.sqrt(share))
             if "time_constant" in values and item.term.place is Place.DRIVE and values["time_constant"] > 0.0:
                 rates.append(0.1 / values["time_constant"])
         return max(rates)

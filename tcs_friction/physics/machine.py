@@ -20,7 +20,9 @@ from tcs_friction.physics.terms import (
     ARREST,
     CYCLE,
     DRY,
+    DRY_SCALE,
     EXOGENOUS,
+    EXTRA_LEVEL,
     INERTIA,
     LEVEL,
     MOBILISED,
@@ -31,6 +33,7 @@ from tcs_friction.physics.terms import (
     TRAVEL,
     VELOCITY,
     VISCOUS,
+    VISCOUS_SCALE,
     Place,
 )
 
@@ -116,8 +119,9 @@ def _call(m: Machine, k: int, dt: float) -> float:
 
 @njit(cache=True, error_model="numpy", inline="always")
 def torques(m: Machine, dt: float) -> tuple[float, float]:
-    """Friction (law and scale) and other opposing torque at the instant in `m.motion`, N m."""
+    """Friction and other opposing torque at the instant in `m.motion`, N m."""
     friction, opposing = 0.0, 0.0
+    m.motion[EXTRA_LEVEL], m.motion[DRY_SCALE], m.motion[VISCOUS_SCALE] = 0.0, 1.0, 1.0
     for k in range(m.ends[0], m.ends[2]):
         friction += _call(m, k, dt)
     for k in range(m.ends[2], m.ends[4]):
@@ -200,7 +204,7 @@ def evaluate(m: Machine, t: Any, position: Any, velocity: Any, acceleration: Any
     available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
     """
     motion = m.motion
-    level = m.parameters[m.parameter_ends[m.ends[0]]]
+    level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
     step = 1e-6 * 2.0 * math.pi / m.constants[PHASE_PER_UNIT]
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0

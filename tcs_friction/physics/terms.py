@@ -11,8 +11,8 @@ their places. `state` is the term's own memory, zero before the first instant; `
 Where a term acts (its `Place`) says what the kernel returns:
 
     DRIVE     torque at the rotor, N m, from `motion[TORQUE]`
+    SCALE     0; raises or multiplies the friction that the law will find: EXTRA_LEVEL, DRY_SCALE, VISCOUS_SCALE
     LAW       friction torque, N m; writes DRY, VISCOUS, LEVEL and MOBILISED as well
-    SCALE     additional friction torque, N m, computed from what the law wrote
     OPPOSING  opposing torque, N m, from motion, time and recorded signals
     BODY      opposing torque, N m, of a second body; lowers or changes motion[INERTIA], what moves rigidly with the shaft
     SENSOR    error of the measured position, rad
@@ -47,10 +47,13 @@ VISCOUS = 7  # N m, viscous part of the friction, written by the law
 INERTIA = 8  # kg m^2, what moves rigidly with the shaft
 CYCLE = 9  # rad of phase per unit of position at order 1: 1 for a rotary axis, 2 pi per metre for a linear one
 TRAVEL = 10  # rad, moved since the previous instant
-LEVEL = 11  # N m, dry friction available at this velocity (the Stribeck curve), written by the law
+LEVEL = 11  # N m, dry friction available here and now (the scaled Stribeck curve), written by the law
 MOBILISED = 12  # -1 to 1, share of LEVEL that is mobilised: the direction of motion once the axis slides
-TEMPERATURE = 13  # degC
-EXOGENOUS = 14
+EXTRA_LEVEL = 13  # N m, added to the law's level by SCALE terms
+DRY_SCALE = 14  # factor on the level, by SCALE terms
+VISCOUS_SCALE = 15  # factor on the viscous part, by SCALE terms
+TEMPERATURE = 16  # degC
+EXOGENOUS = 17
 
 KERNEL_SIGNATURE = float64(float64[::1], float64[::1], float64[::1], float64)
 
@@ -67,8 +70,8 @@ class Place(enum.Enum):
     """Where a term acts on the axis."""
 
     DRIVE = "drive"
-    LAW = "friction law"
     SCALE = "friction scale"
+    LAW = "friction law"
     OPPOSING = "opposing torque"
     BODY = "body"
     SENSOR = "sensor"

@@ -1,7 +1,8 @@
 """Flexible mode: part of the inertia hangs on the shaft through a spring (drive and encoder on the shaft's side).
 
-The second body's deflection d from the shaft obeys d'' + 2 damping w d' + w^2 d = -shaft acceleration, w = 2 pi frequency
-being its resonance with the shaft held (the antiresonance seen from the drive). Between two instants the shaft
+`frequency` is the resonance that a frequency response from torque to acceleration shows. With the shaft held the second body rings
+lower, at w = 2 pi frequency sqrt(1 - inertia_ratio), the antiresonance. Its deflection d from the shaft obeys
+d'' + 2 damping w d' + w^2 d = -shaft acceleration. Between two instants the shaft
 moves at constant velocity, for which the step below is exact.
 """
 
@@ -30,7 +31,8 @@ def oscillate(deflection: float, rate: float, omega: float, damping: float, dt: 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: started, deflection (rad), velocity of the second body (rad/s)."""
-    omega, damping, ratio = 2.0 * math.pi * parameters[0], parameters[1], parameters[2]
+    damping, ratio = parameters[1], parameters[2]
+    omega = 2.0 * math.pi * parameters[0] * math.sqrt(1.0 - ratio)
     carried = ratio * motion[INERTIA]
     motion[INERTIA] -= carried
     if state[0] == 0.0 or dt <= 0.0:
@@ -48,8 +50,8 @@ TERM = Term(
     place=Place.BODY,
     form="ratio J on a spring: d'' + 2 damping w d' + w^2 d = -a, x = ratio J (a + d'')",
     parameters=(
-        Parameter("frequency", "Hz", "resonance of the second body with the shaft held", lower=1e-6),
-        Parameter("damping", "", "damping ratio of that resonance", lower=0.0, upper=0.99, default=0.02),
+        Parameter("frequency", "Hz", "free resonance, the peak of acceleration over torque", lower=1e-6),
+        Parameter("damping", "", "damping ratio of the second body with the shaft held", lower=0.0, upper=0.99, default=0.02),
         Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.99),
     ),
     kernel=torque,

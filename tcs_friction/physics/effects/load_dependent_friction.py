@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import MOBILISED, TORQUE, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import EXTRA_LEVEL, TORQUE, Parameter, Place, Role, Term, kernel
 
 
 @kernel
-def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    return float(parameters[0] * abs(motion[TORQUE]) * motion[MOBILISED])
+def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    motion[EXTRA_LEVEL] += parameters[0] * abs(motion[TORQUE])
+    return 0.0
 
 
 TERM = Term(
     id="load_dependent_friction",
     place=Place.SCALE,
-    form="x = coefficient |u| sign(v)",
+    form="level + coefficient |u|; sliding, x = coefficient |u| sign(v)",
     parameters=(Parameter("coefficient", "", "friction torque per load torque", lower=-1.0, upper=1.0, role=Role.LINEAR),),
-    kernel=torque,
+    kernel=scale,
     coordinate="torque",
 )

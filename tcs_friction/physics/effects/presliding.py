@@ -27,7 +27,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 TERM = Term(
     id="presliding",
-    place=Place.SCALE,
+    place=Place.OPPOSING,
     form="F becomes sigma0 z + sigma1 dz/dt, dz/dt = v - sigma0 |v|/g(v) z",
     parameters=(
         Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9),

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import DRY, TEMPERATURE, VISCOUS, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import DRY_SCALE, TEMPERATURE, VISCOUS_SCALE, Parameter, Place, Role, Term, kernel
 
 
 @kernel
-def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     warmer = motion[TEMPERATURE] - parameters[2]
-    return float(warmer * (parameters[0] * motion[DRY] + parameters[1] * motion[VISCOUS]))
+    motion[DRY_SCALE] *= 1.0 + parameters[0] * warmer
+    motion[VISCOUS_SCALE] *= 1.0 + parameters[1] * warmer
+    return 0.0
 
 
 TERM = Term(
     id="temperature_dependent_friction",
     place=Place.SCALE,
-    form="x = (T - T0) (dry F + viscous F_viscous)",
+    form="level (1 + dry (T - T0)), viscous part (1 + viscous (T - T0))",
     parameters=(
         Parameter("dry", "1/degC", "relative change of dry friction per degree", default=0.0, role=Role.LINEAR),
         Parameter("viscous", "1/degC", "relative change of viscous friction per degree", default=0.0, role=Role.LINEAR),
         Parameter("reference_temperature", "degC", "T0, where the law's values hold", default=20.0, role=Role.FIXED),
     ),
-    kernel=torque,
+    kernel=scale,
     temperature=True,
     coordinate="temperature",
 )

@@ -5,24 +5,26 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tcs_friction.physics.terms import DRY, TIME, VISCOUS, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import DRY_SCALE, TIME, VISCOUS_SCALE, Parameter, Place, Role, Term, kernel
 
 
 @kernel
-def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     cold = math.exp(-motion[TIME] / parameters[2])
-    return cold * (parameters[0] * motion[DRY] + parameters[1] * motion[VISCOUS])
+    motion[DRY_SCALE] *= 1.0 + parameters[0] * cold
+    motion[VISCOUS_SCALE] *= 1.0 + parameters[1] * cold
+    return 0.0
 
 
 TERM = Term(
     id="warmup_drift",
     place=Place.SCALE,
-    form="x = exp(-t/time_constant) (dry F + viscous F_viscous)",
+    form="level (1 + dry exp(-t/time_constant)), viscous part (1 + viscous exp(-t/time_constant))",
     parameters=(
         Parameter("dry", "", "relative excess of dry friction at the start", default=0.0, role=Role.LINEAR),
         Parameter("viscous", "", "relative excess of viscous friction at the start", default=0.0, role=Role.LINEAR),
         Parameter("time_constant", "s", "time in which the excess falls to 1/e", lower=1e-9),
     ),
-    kernel=torque,
+    kernel=scale,
     coordinate="time",
 )

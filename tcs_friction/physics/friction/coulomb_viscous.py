@@ -6,14 +6,15 @@ from typing import Any
 
 from numba import njit
 
-from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT
-from tcs_friction.physics.terms import ARREST, DRY, LEVEL, MOBILISED, VELOCITY, VISCOUS, Place, Term, kernel
+from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT, scaled
+from tcs_friction.physics.terms import ARREST, DRY, LEVEL, MOBILISED, VELOCITY, VISCOUS, VISCOUS_SCALE, Place, Term, kernel
 
 
 @njit(cache=True, error_model="numpy")
 def static_friction(motion: Any, level: float, viscous: float) -> float:
     """Dry friction that arrests the axis if it can, its level otherwise (Karnopp 1985), plus viscous friction."""
-    motion[VISCOUS] = viscous * motion[VELOCITY]
+    level = scaled(motion, level)
+    motion[VISCOUS] = viscous * motion[VELOCITY] * motion[VISCOUS_SCALE]
     motion[LEVEL] = level
     motion[MOBILISED] = min(max((motion[ARREST] - motion[VISCOUS]) / level, -1.0), 1.0)
     motion[DRY] = level * motion[MOBILISED]

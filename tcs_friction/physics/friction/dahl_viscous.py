@@ -7,19 +7,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.friction.lugre import COULOMB, STIFFNESS, VISCOUS_COEFFICIENT, bristle_step
-from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, Place, Term, kernel
+from tcs_friction.physics.friction.lugre import COULOMB, STIFFNESS, VISCOUS_COEFFICIENT, bristle_step, scaled
+from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, VISCOUS_SCALE, Place, Term, kernel
 
 
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: deflection z, rad."""
     coulomb, stiffness, viscous = parameters[:3]
-    state[0] = bristle_step(state[0], motion[TRAVEL], coulomb, stiffness)
+    level = scaled(motion, coulomb)
+    state[0] = bristle_step(state[0], motion[TRAVEL], level, stiffness)
     motion[DRY] = stiffness * state[0]
-    motion[VISCOUS] = viscous * motion[VELOCITY]
-    motion[LEVEL] = coulomb
-    motion[MOBILISED] = min(max(motion[DRY] / coulomb, -1.0), 1.0)
+    motion[VISCOUS] = viscous * motion[VELOCITY] * motion[VISCOUS_SCALE]
+    motion[LEVEL] = level
+    motion[MOBILISED] = min(max(motion[DRY] / level, -1.0), 1.0)
     return motion[DRY] + motion[VISCOUS]
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from numba import njit
 
-from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import DRY, DRY_SCALE, EXTRA_LEVEL, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, VISCOUS_SCALE, Parameter, Place, Role, Term, kernel
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,6 +24,12 @@ def stribeck_level(velocity: float, coulomb: float, static: float, stribeck_velo
     """Dry friction available at this velocity, N m (paper eq. 3)."""
     ratio = velocity / stribeck_velocity
     return coulomb + (static - coulomb) * math.exp(-ratio * ratio)
+
+
+@njit(cache=True, error_model="numpy")
+def scaled(motion: Any, level: float) -> float:
+    """The level after the SCALE terms, N m; it stays positive whatever they do."""
+    return max((level + motion[EXTRA_LEVEL]) * motion[DRY_SCALE], 1e-3 * level)
 
 
 @njit(cache=True, error_model="numpy")
@@ -40,11 +46,11 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: deflection z, rad."""
     sigma0, sigma1, sigma2 = parameters[3], parameters[4], parameters[5]
     v = motion[VELOCITY]
-    g = stribeck_level(v, parameters[0], parameters[1], parameters[2])
+    g = scaled(motion, stribeck_level(v, parameters[0], parameters[1], parameters[2]))
     z = bristle_step(state[0], motion[TRAVEL], g, sigma0)
     state[0] = z
     motion[DRY] = sigma0 * z + sigma1 * (v - sigma0 * abs(v) / g * z)
-    motion[VISCOUS] = sigma2 * v
+    motion[VISCOUS] = sigma2 * v * motion[VISCOUS_SCALE]
     motion[LEVEL] = g
     motion[MOBILISED] = min(max(sigma0 * z / g, -1.0), 1.0)
     return motion[DRY] + motion[VISCOUS]

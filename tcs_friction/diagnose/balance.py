@@ -1,0 +1,292 @@
+"""The torque balance of an axis over conditioned recordings: residual, whitening, and joint least squares.
+
+residual = torque at the rotor - torque that the measured motion requires. Its noise is coloured (the encoder's noise enters
+through the second derivative, torque noise through the drive), so every comparison is made after a whitening filter
+estimated from the residual itself: then squares add up to a likelihood and gains compare with chi-squared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage, signal
+
+from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.physics import machine
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Parameter, Place, Role
+
+WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
+
+
+@dataclass(frozen=True)
+class Free:
+    """One free number of a fit.
+
+    owner: -2 inertia, -1 friction law, else the index of the effect. kind: "log" (positive), "plain",
+    or "cosine"/"sine": the two linear parts of an amplitude with a phase. scale: a step that is small for it.
+    """
+
+    owner: int
+    name: str
+    kind: str
+    scale: float
+    phase: str = ""
+
+
+def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | None]]:
+    """Each parameter with its phase, if it has one."""
+    result: list[tuple[Parameter, Parameter | None]] = []
+    for parameter in parameters:
+        if parameter.role is Role.PHASE:
+            result[-1] = (result[-1][0], parameter)
+        else:
+            result.append((parameter, None))
+    return result
+
+
+def free_parameters(axis: Axis, torque_scale: float, hold: frozenset[str] = frozenset()) -> list[Free]:
+    """What a joint fit of this axis may change: inertia, the law's parameters, every effect's active parameters."""
+    free = [] if "inertia" in hold else [Free(-2, "inertia", "log", 1e-4)]
+    for parameter in axis.friction.term.parameters:
+        value = axis.friction.values[parameter.name]
+        if parameter.name in hold or parameter.name == "exponent" or value <= 0.0:
+            continue
+        free.append(Free(-1, parameter.name, "log", 1e-4))
+    for index, item in enumerate(axis.effects):
+        for parameter, phase in pairs(item.term.parameters):
+            value = item.values[parameter.name]
+            if parameter.role is Role.FIXED or (parameter.default is not None and value == parameter.default):
+                continue
+            if phase is not None:
+                free.append(Free(index, parameter.name, "cosine", torque_scale, phase.name))
+                free.append(Free(index, parameter.name, "sine", torque_scale, phase.name))
+            elif parameter.role is Role.LINEAR:
+                free.append(Free(index, parameter.name, "plain", max(abs(value), 1e-12) * 1e-2))
+            elif parameter.lower >= 0.0:
+                free.append(Free(index, parameter.name, "log", 1e-4))
+            else:
+                free.append(Free(index, parameter.name, "plain", 1e-4 * max(1.0, abs(value))))
+    return free
+
+
+def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
+    """The free numbers of an axis."""
+    numbers = []
+    for f in free:
+        values = {"inertia": axis.inertia} if f.owner == -2 else (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
+        value = values[f.name]
+        if f.kind == "cosine":
+            value = value * math.cos(values[f.phase])
+        elif f.kind == "sine":
+            value = value * math.sin(values[f.phase])
+        numbers.append(math.log(max(value, 1e-300)) if f.kind == "log" else value)
+    return np.array(numbers)
+
+
+def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
+    """The axis with those free numbers, each kept within its declared bounds."""
+    inertia, law, effects = axis.inertia, {}, [dict(item.values) for item in axis.effects]
+    cosine = 0.0
+    for f, number in zip(free, numbers, strict=True):
+        value = math.exp(min(max(number, -700.0), 700.0)) if f.kind == "log" else float(number)
+        if f.owner == -2:
+            inertia = value
+        elif f.owner == -1:
+            law[f.name] = value
+        elif f.kind == "cosine":
+            cosine = value
+        elif f.kind == "sine":
+            effects[f.owner][f.name] = math.hypot(cosine, value)
+            effects[f.owner][f.phase] = math.atan2(value, cosine) % (2.0 * math.pi)
+        else:
+            effects[f.owner][f.name] = value
+    law = {name: _bounded(axis.friction.term.parameter(name), value) for name, value in law.items()}
+    items = tuple(
+        item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in values.items()})
+        for item, values in zip(axis.effects, effects, strict=True)
+    )
+    return replace(axis, inertia=inertia, friction=axis.friction.replace(**law), effects=items)
+
+
+def _bounded(parameter: Parameter, value: float) -> float:
+    return min(max(value, parameter.lower), parameter.upper)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of a joint fit: the axis, its free numbers with covariance (whitened), and the whitened sum of squares on train data."""
+
+    axis: Axis
+    free: tuple[Free, ...]
+    covariance: np.ndarray
+    squares: float
+    converged: bool
+
+
+class Balance:
+    """Torque balances over one set of conditioned recordings.
+
+    `weights` is the whitening filter (2 half + 1,), scaled so that whitened noise has variance one.
+    """
+
+    def __init__(self, data: Conditioned) -> None:
+        self.data = data
+        self.weights = np.array([1.0])
+        self.sizes = [len(s.t) for s in data.stretches]
+        self.ends = np.cumsum([0, *self.sizes])
+        self.train = data.joined("train")
+        self.held_out = data.joined("held_out")
+        self.evaluations = 0
+        self._refresh_rows()
+
+    def evaluate(self, axis: Axis) -> np.ndarray:
+        """(n, 8) as `machine.evaluate` writes it, stretches one after the other."""
+        out = np.empty((int(self.ends[-1]), 8))
+        data = self.data
+        resolution = max(2.0 * data.velocity_noise, 1e-12)
+        for s, begin, end in zip(data.stretches, self.ends[:-1], self.ends[1:], strict=True):
+            compiled = machine.build(axis, data.dt, signals=data.names, position=float(s.position[0]))
+            machine.evaluate(
+                compiled, s.t, s.position, s.velocity, s.acceleration, s.torque, s.signals, resolution, out[begin:end]
+            )
+        self.evaluations += 1
+        return out
+
+    def residual(self, axis: Axis) -> np.ndarray:
+        """Torque residual (n,), N m."""
+        out = self.evaluate(axis)
+        return np.asarray(out[:, machine.ROTOR] - out[:, machine.REQUIRED])
+
+    def whiten(self, x: np.ndarray) -> np.ndarray:
+        """Whitened series of (n,) or (n, k) on the train rows only."""
+        return self._whiten_all(x)[self.rows]
+
+    def _whiten_all(self, x: np.ndarray) -> np.ndarray:
+        if len(self.weights) == 1:
+            return x * self.weights[0]
+        half = (len(self.weights) - 1) // 2
+        weights = self.weights if x.ndim == 1 else self.weights[:, None]
+        parts = [
+            signal.oaconvolve(x[a:b], weights, axes=0)[half : half + b - a]
+            for a, b in zip(self.ends[:-1], self.ends[1:], strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def _refresh_rows(self) -> None:
+        """Rows whose whole whitening filter lies in train data."""
+        order = len(self.weights) - 1
+        inside = [
+            ndimage.minimum_filter1d(self.train[a:b].astype(np.uint8), order + 1, mode="constant").astype(bool)
+            for a, b in zip(self.ends[:-1], self.ends[1:], strict=True)
+        ]
+        self.rows = np.nonzero(np.concatenate(inside))[0]
+
+    def estimate_noise(self, residual: np.ndarray) -> None:
+        """Set the whitening filter from the residual's train part.
+
+        The spectrum is a median over blocks of time and over neighbouring frequencies, so that neither bursts nor lines (which
+        may be the physics that is looked for) count as noise. The filter is its inverse square root, zero-phase.
+        """
+        frequency, power = self.noise_spectrum(residual)
+        inside = frequency <= self.data.cutoff
+        power = np.where(inside, power, power[inside].max())  # what the filter took away is no lack of noise
+        half = self._half_length()
+        count = 2 * max(2 * half, len(frequency))
+        density = np.interp(np.linspace(0.0, frequency[-1], count // 2 + 1), frequency, power)
+        response = np.fft.irfft(np.sqrt(2.0 * self.data.dt / density), count)
+        response = np.roll(response, half)[: 2 * half + 1]
+        self.weights = response * signal.get_window("hann", 2 * half + 3, fftbins=False)[1:-1]
+        self._refresh_rows()
+
+    def _half_length(self) -> int:
+        """Of the whitening filter: up to WHITENING_SECONDS, short against the train blocks."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.train.astype(np.int8), [0]])))
+        block = float(np.median(edges[1::2] - edges[::2]))
+        return max(4, int(min(WHITENING_SECONDS / self.data.dt, block / 20.0)))
+
+    def noise_spectrum(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies (Hz) and robust power density of a residual on train data, N m^2/Hz."""
+        length = 1 << max(5, min(10, int(math.log2(max(len(self.rows) / 24.0, 32)))))
+        window = signal.get_window("hann", length)
+        scale = 2.0 * self.data.dt / np.sum(window**2)
+        blocks = []
+        for a, b in zip(self.ends[:-1], self.ends[1:], strict=True):
+            for begin in range(a, b - length + 1, length // 2):
+                if self.train[begin : begin + length].all():
+                    piece = residual[begin : begin + length]
+                    blocks.append(scale * np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2)
+        if not blocks:
+            return np.linspace(0.0, 0.5 / self.data.dt, 17), np.full(17, 2.0 * self.data.dt * np.var(residual[self.train]))
+        middle = np.median(blocks, axis=0) / math.log(2.0)
+        middle[0] = middle[1] if len(middle) > 1 else middle[0]
+        middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="nearest")
+        return np.fft.rfftfreq(length, self.data.dt), np.maximum(middle, 1e-12 * middle.max())
+
+    def noise_floor(self, residual: np.ndarray) -> float:
+        """N m rms of the residual's robust spectrum."""
+        frequency, power = self.noise_spectrum(residual)
+        return math.sqrt(float(np.trapezoid(power, frequency)))
+
+    def jacobian(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
+        """Derivative of the whitened residual (rows, k) by the free numbers, by forward differences."""
+        numbers = get(axis, free)
+        columns = np.empty((len(self.rows), len(free)))
+        for k, f in enumerate(free):
+            moved = numbers.copy()
+            moved[k] += f.scale
+            columns[:, k] = self.whiten(self.residual(put(axis, free, moved)) - residual) / f.scale
+        return columns
+
+    def fit(self, axis: Axis, free: Sequence[Free], prior: np.ndarray | None = None, iterations: int = 12, tolerance: float = 1.0) -> Fit:
+        """Levenberg-Marquardt on whitened train residuals.
+
+        `prior` (k,) is the standard deviation that keeps a number that the data do not determine near its start (inf: none).
+        Stops when a step gains less than `tolerance` (units of chi-squared).
+        """
+        start = get(axis, free)
+        strength = np.zeros(len(free)) if prior is None else 1.0 / np.asarray(prior) ** 2
+        residual = self.residual(axis)
+        white = self.whiten(residual)
+        cost = float(white @ white)
+        damping, converged, numbers = 1e-4, False, start.copy()
+        normal = np.diag(strength)
+        for _ in range(iterations):
+            columns = self.jacobian(axis, free, residual)
+            normal = columns.T @ columns + np.diag(strength)
+            gradient = columns.T @ white + strength * (numbers - start)
+            before = cost
+            for _ in range(6):
+                diagonal = np.maximum(np.diag(normal), 1e-12 * max(float(np.max(np.diag(normal))), 1e-300))
+                step = -np.linalg.lstsq(normal + damping * np.diag(diagonal), gradient, rcond=None)[0]
+                step = _limited(step, free)
+                trial = put(axis, free, numbers + step)
+                trial_residual = self.residual(trial)
+                trial_white = self.whiten(trial_residual)
+                moved = get(trial, free)
+                trial_cost = float(trial_white @ trial_white + strength @ (moved - start) ** 2)
+                if np.isfinite(trial_cost) and trial_cost < cost:
+                    axis, numbers, residual, white, cost = trial, moved, trial_residual, trial_white, trial_cost
+                    damping = max(damping * 0.2, 1e-9)
+                    break
+                damping *= 8.0
+            if before - cost < tolerance:
+                converged = True
+                break
+        covariance = np.linalg.pinv(normal, hermitian=True)
+        squares = float(white @ white)
+        return Fit(axis, tuple(free), covariance, squares, converged)
+
+
+def _limited(step: np.ndarray, free: Sequence[Free]) -> np.ndarray:
+    """No positive number changes by more than a factor of 2 in one step."""
+    logs = np.array([f.kind == "log" for f in free])
+    return np.where(logs, np.clip(step, -0.7, 0.7), step)
+
+
+def opposing_sign(place: Place) -> float:
+    """Sign with which a term's torque enters the residual."""
+    return 1.0 if place is Place.DRIVE else -1.0

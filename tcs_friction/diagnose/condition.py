@@ -1,0 +1,223 @@
+"""Conditions recordings for torque balances: one uniform time base, motion and torque through one zero-phase filter.
+
+Position, velocity and acceleration come from the same low-passed position (differentiated in the frequency domain, so
+without differentiation noise of their own), and torque and all other signals pass the same filter. The cutoff is where
+the position's spectrum sinks into its own noise floor: beyond it a velocity is noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, signal
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording.recording import Recording
+
+SHORTEST = 2.0  # s; a shorter stretch is left out
+FEWEST = 200  # samples
+EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends of a stretch
+EDGE_SECONDS = 0.25
+SAMPLES_PER_PERIOD = 6.0  # kept, of the cutoff
+FILTER_ORDER = 8
+HELD_OUT = 0.25  # share of the data
+BLOCKS = 16  # that a lone recording is cut into to hold some out
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A gap-free, uniformly sampled, filtered piece of a recording; all arrays (n,), signals (1 + s, n)."""
+
+    t: np.ndarray  # s, of the recording
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+    signals: np.ndarray  # temperature, then exogenous
+    train: np.ndarray  # bool: may be fitted
+    held_out: np.ndarray  # bool: never seen before the proof
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """Recordings ready for torque balances.
+
+    cutoff: of the common filter, Hz. dt: s between samples. velocity_noise: rad/s rms left in the velocity.
+    names: of the exogenous signals. notes: what was found and done, one line each.
+    """
+
+    stretches: tuple[Stretch, ...]
+    dt: float
+    cutoff: float
+    velocity_noise: float
+    names: tuple[str, ...]
+    temperature: bool
+    notes: tuple[str, ...]
+
+    def joined(self, name: str) -> np.ndarray:
+        """One quantity over all stretches."""
+        return np.concatenate([getattr(s, name) for s in self.stretches], axis=-1)
+
+
+def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> list[np.ndarray]:
+    """Zero-phase low-pass of x (n,) and its time derivatives, by FFT with odd extension at the ends.
+
+    Magnitude 1/(1 + (f/cutoff)^FILTER_ORDER), Butterworth's, applied forwards and backwards.
+    """
+    n = len(x)
+    pad = min(n - 1, math.ceil(10.0 / cutoff / dt))
+    extended = np.concatenate([2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]])
+    trend = np.linspace(extended[0], extended[-1], len(extended))
+    slope = (extended[-1] - extended[0]) / ((len(extended) - 1) * dt)
+    frequency = np.fft.rfftfreq(len(extended), dt)
+    spectrum = np.fft.rfft(extended - trend) / (1.0 + (frequency / cutoff) ** FILTER_ORDER)
+    omega = 2j * np.pi * frequency
+    inside = slice(pad, pad + n)
+    results = [np.fft.irfft(spectrum * omega**k, len(extended))[inside] for k in range(derivatives + 1)]
+    results[0] = results[0] + trend[inside]
+    if derivatives:
+        results[1] = results[1] + slope
+    return results
+
+
+def position_spectrum(position: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Frequencies (Hz), power density of the position and the level of its white noise floor, both in rad^2/Hz."""
+    frequency, power = signal.welch(np.diff(position, 2), 1.0 / dt, nperseg=min(2048, max(64, len(position) // 4)))
+    power = power[1:] / (2.0 * np.sin(np.pi * frequency[1:] * dt)) ** 4
+    return frequency[1:], power, float(np.median(power[int(0.7 * len(power)) :]))
+
+
+def choose_cutoff(position: np.ndarray, dt: float) -> tuple[float, float]:
+    """Cutoff (Hz), 1.4 times where the position sinks into its noise (the filter halves there), and that noise (rad rms)."""
+    frequency, power, floor = position_spectrum(position, dt)
+    above = ndimage.median_filter(power, 9) > 4.0 * floor
+    share = np.cumsum(above) / np.arange(1, len(above) + 1)
+    clear = np.nonzero(above & (share > 0.8))[0]
+    cutoff = 1.4 * frequency[clear[-1]] if len(clear) else frequency[0]
+    lowest = max(4.0 * frequency[0], 1.0)
+    return float(np.clip(cutoff, lowest, 0.2 / dt)), math.sqrt(floor * 0.5 / dt)
+
+
+def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditioned:
+    """Put recordings onto a common filtered time base and cut off the held-out data.
+
+    With several recordings whole ones are held out, otherwise blocks of the one there is.
+
+    Raises InputError when the data cannot carry a torque balance: too short, no motion, no torque.
+    """
+    notes: list[str] = []
+    pieces = [(r, s) for r in recordings for s in r.segments]
+    check(recordings)
+    periods = [float(np.median(np.diff(r.t[s]))) for r, s in pieces if s.stop - s.start >= FEWEST]
+    long = [(r, s) for r, s in pieces if s.stop - s.start >= FEWEST and r.t[s.stop - 1] - r.t[s.start] >= SHORTEST]
+    if not long:
+        longest = max(float(r.t[s.stop - 1] - r.t[s.start]) for r, s in pieces)
+        raise InputError(
+            recordings[0].source, f"the longest stretch without a gap has {longest:.3g} s", f"at least {SHORTEST:g} s and {FEWEST} samples"
+        )
+    if len(long) < len(pieces):
+        notes.append(f"{len(pieces) - len(long)} of {len(pieces)} stretches between gaps are too short and left out")
+    dt = float(np.median(periods))
+    uniform = [_uniform(r, s, dt) for r, s in long]
+    chosen = [choose_cutoff(position, dt) for _, position, _, _ in uniform]
+    cutoff = float(np.median([c for c, _ in chosen]))
+    noise = float(np.median([n for _, n in chosen]))
+    step = max(1, int(1.0 / (SAMPLES_PER_PERIOD * cutoff * dt)))
+    notes.append(f"motion and torque low-passed at {cutoff:.3g} Hz (position noise {noise:.2g} rms), kept at {1 / (step * dt):.4g} Hz")
+    velocity_noise = noise * 2.0 * math.pi * cutoff * math.sqrt(2.0 * dt * cutoff / 3.0)
+    names = tuple(recordings[0].exogenous)
+    parts = [_filtered(r, piece, dt, cutoff, step) for (r, _), piece in zip(long, uniform, strict=True)]
+    sizes = [len(part["t"]) for part in parts]
+    masks = _hold_out([r for r, _ in long], sizes, len(recordings)) if held_out else [np.zeros(n, bool) for n in sizes]
+    edge = math.ceil(max(EDGE_PERIODS / cutoff, EDGE_SECONDS) / (step * dt))
+    stretches = []
+    for part, mask in zip(parts, masks, strict=True):
+        usable = np.zeros(len(mask), bool)
+        usable[edge:-edge] = True
+        gap = ndimage.binary_dilation(mask, iterations=edge) if mask.any() else mask
+        stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask))
+    temperature = all(r.temperature is not None for r in recordings)
+    return Conditioned(tuple(stretches), step * dt, cutoff, velocity_noise, names, temperature, tuple(notes))
+
+
+def check(recordings: Sequence[Recording]) -> None:
+    """Refuse what cannot carry a torque balance, in one line."""
+    for r in recordings:
+        if np.ptp(r.position) == 0.0:
+            raise InputError(r.source, "the position never changes", "a recording in which the axis moves")
+        if np.ptp(r.torque) == 0.0:
+            raise InputError(r.source, f"the torque is constant ({r.torque[0]:g})", "the torque applied to the axis")
+        distinct = len(np.unique(r.position))
+        if distinct < 20:
+            raise InputError(r.source, f"the position takes only {distinct} values", "motion over many encoder steps")
+        if tuple(r.exogenous) != tuple(recordings[0].exogenous):
+            raise InputError(r.source, "other exogenous signals than the first recording", ", ".join(recordings[0].exogenous))
+        if r.velocity is not None:
+            _check_velocity(r)
+
+
+def _check_velocity(r: Recording) -> None:
+    """The recorded velocity must be the derivative of the position: otherwise one of them has another unit."""
+    assert r.velocity is not None
+    moved, integrated = [], []
+    for s in r.segments:
+        t, q, v = r.t[s], r.position[s], r.velocity[s]
+        if len(t) < 10:
+            continue
+        sums = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+        moved.append(q - np.mean(q))
+        integrated.append(sums - np.mean(sums))
+    if not moved:
+        return
+    x, y = np.concatenate(integrated), np.concatenate(moved)
+    if x @ x == 0.0 or (x @ y) ** 2 < 0.5 * (x @ x) * (y @ y):
+        return  # no clear relation either way; the velocity is not used further
+    slope = float(x @ y / (x @ x))
+    if not 0.5 < slope < 2.0:
+        hint = " (degrees in one of them?)" if min(abs(slope * 57.29578 - 1), abs(slope / 57.29578 - 1)) < 0.3 else ""
+        raise InputError(r.source, f"position changes {slope:.3g} times as fast as the velocity says{hint}", "both in the same unit")
+
+
+def _uniform(r: Recording, s: slice, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """t, position, torque and other signals at a uniform dt; recordings that are uniform already stay as they are."""
+    t = r.t[s]
+    others = [r.temperature if r.temperature is not None else np.full(len(r), 20.0), *r.exogenous.values()]
+    if np.max(np.abs(np.diff(t) - dt)) < 1e-3 * dt:
+        return t, r.position[s], r.torque[s], np.array([x[s] for x in others])
+    grid = np.arange(t[0], t[-1], dt)
+    return grid, *(np.interp(grid, t, x[s]) for x in (r.position, r.torque)), np.array([np.interp(grid, t, x[s]) for x in others])  # type: ignore[return-value]
+
+
+def _filtered(
+    r: Recording, piece: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], dt: float, cutoff: float, step: int
+) -> dict[str, np.ndarray]:
+    t, position, torque, others = piece
+    q, v, a = low_pass(position, dt, cutoff, 2)
+    (u,) = low_pass(torque, dt, cutoff)
+    signals = np.array([low_pass(x, dt, cutoff)[0] for x in others])
+    keep = slice(0, len(t), step)
+    return {
+        "t": t[keep],
+        "position": q[keep],
+        "velocity": v[keep],
+        "acceleration": a[keep],
+        "torque": u[keep],
+        "signals": np.ascontiguousarray(signals[:, keep]),
+    }
+
+
+def _hold_out(recordings: Sequence[Recording], sizes: list[int], count: int) -> list[np.ndarray]:
+    """Masks of held-out samples: the last whole recordings of several, every fourth block of a lone one."""
+    if count > 1:
+        sources = [id(r) for r in recordings]
+        order = list(dict.fromkeys(sources))
+        held = set(order[-max(1, round(HELD_OUT * len(order))) :])
+        return [np.full(n, source in held) for n, source in zip(sizes, sources, strict=True)]
+    total = sum(sizes)
+    index = np.arange(total) * BLOCKS // total
+    period = round(1.0 / HELD_OUT)
+    mask = index % period == period // 2
+    return np.split(mask, np.cumsum(sizes)[:-1])
