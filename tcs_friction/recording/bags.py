@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-import sys
 import tempfile
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,12 +21,7 @@ from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource, nearest
-from tcs_friction.recording.storage import BLOCK, ZSTD_MAGIC, Damage, Unpackable, unpack
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, Unpackable, unpack, unpack_file, zstd
 
 Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan
 SCANS: dict[bytes, type[Scan]] = {
@@ -124,7 +117,9 @@ class Bag:
         suffix = path.suffix if path.suffix != ".zstd" else Path(path.stem).suffix
         kind = next((kind for magic, kind in SCANS.items() if head.startswith(magic)), SUFFIXES.get(suffix))
         size = plain.stat().st_size
-        found = "is empty (0 bytes)" if not size else "" if kind else f"begins with {head[:8]!r}"
+        found = "" if kind else f"begins with {head[:8]!r}"
+        if not size:
+            found = "is empty (0 bytes)" if plain == path else "cannot be unpacked"
         if kind is sqlite_read.SqliteScan and head != sqlite_read.MAGIC:
             found = found or "is no sqlite3 database"
         if found and len(self.files) == 1:
@@ -173,10 +168,7 @@ class Bag:
         with tempfile.TemporaryDirectory() as scratch:
             plain = Path(scratch, path.stem)
             with path.open("rb") as packed, plain.open("wb") as out:
-                try:
-                    with zstd.open(packed, "rb") as stream:
-                        shutil.copyfileobj(stream, out, BLOCK)
-                except (zstd.ZstdError, EOFError, OSError):
+                if not unpack_file(packed, out):
                     self.damage.add(f"{path.name} cannot be unpacked to its end")
             yield plain
 

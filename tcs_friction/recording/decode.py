@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,9 @@ from tcs_friction.recording.targets import stamp_path, target
 
 MAX_LAYOUTS = 32
 """Layouts tried in bulk on one batch; messages that fit none of so many are parsed one by one."""
+
+BLOCK_ROWS = 1 << 17
+"""Rows of a column that are allocated at a time."""
 
 SECOND = 1_000_000_000
 
@@ -153,6 +158,35 @@ class Decoder:
             stamps[index] = seconds * SECOND + int(np.frombuffer(raw, f"{fresh.order}u4", 1, fresh.stamp + 4)[0])
 
 
+class _Column:
+    """Values that come in parts. They lie in large blocks, which go back to the system one by one as they are joined."""
+
+    def __init__(self, kind: type) -> None:
+        self.kind = kind
+        self.blocks: list[NDArray[Any]] = []
+        self.room = 0
+
+    def add(self, values: NDArray[Any]) -> None:
+        while len(values):
+            if not self.room:
+                memory = mmap.mmap(-1, BLOCK_ROWS * np.dtype(self.kind).itemsize)  # unlike the heap's, it goes back
+                self.blocks.append(np.frombuffer(memory, dtype=self.kind))
+                self.room = BLOCK_ROWS
+            count = min(self.room, len(values))
+            start = BLOCK_ROWS - self.room
+            self.blocks[-1][start : start + count] = values[:count]
+            values = values[count:]
+            self.room -= count
+
+    def joined(self) -> NDArray[Any]:
+        whole = np.empty(len(self.blocks) * BLOCK_ROWS - self.room, dtype=self.kind)
+        self.blocks.reverse()
+        for start in range(0, len(whole), BLOCK_ROWS):
+            part = whole[start : start + BLOCK_ROWS]
+            part[:] = self.blocks.pop()[: len(part)]
+        return whole
+
+
 class _Growing:
     """The columns of one topic while batches come in."""
 
@@ -160,42 +194,43 @@ class _Growing:
         self.topic = topic
         self.sources = tuple(dict.fromkeys(sources))
         self.decoders: dict[Channel, Decoder] = {}
-        self.log_times: list[Nanoseconds] = []
-        self.stamps: list[Nanoseconds] = []
-        self.values: list[list[Column]] = [[] for _ in self.sources]
-        self.absent: list[list[Mask]] = [[] for _ in self.sources]
-        self.spoilt = 0
+        self.log_times = _Column(np.int64)
+        self.stamps = _Column(np.int64)
+        self.values = [_Column(np.float64) for _ in self.sources]
+        self.absent = [_Column(np.bool_) for _ in self.sources]
+        self.spoilt = self.count = 0
 
     def add(self, batch: Batch, bag: str) -> None:
         decoder = self.decoders.get(batch.channel)
         if decoder is None:
             decoder = self.decoders[batch.channel] = Decoder(batch.channel, self.sources, bag)
         values, absent, stamps, good = decoder.decode(batch)
-        everything = bool(good.all())
-        self.spoilt += 0 if everything else int(np.count_nonzero(~good))
-        self.log_times.append(batch.log_times if everything else batch.log_times[good])
-        if stamps is None:
-            stamps = np.zeros(len(batch), dtype=np.int64)
-        self.stamps.append(stamps if everything else stamps[good])
+        spoilt = int(np.count_nonzero(~good))
+        self.spoilt += spoilt
+        rows = np.flatnonzero(good) if spoilt else slice(None)
+        self.log_times.add(batch.log_times[rows])
+        self.stamps.add((stamps if stamps is not None else np.zeros(len(batch), dtype=np.int64))[rows])
         for row, source in enumerate(self.sources):
-            column = values[row] if everything else values[row, good]
-            self.values[row].append(column * source.scale if source.scale != 1.0 else column.copy())
-            self.absent[row].append(np.packbits(absent[row] if everything else absent[row, good]))
+            self.values[row].add(values[row, rows] * source.scale if source.scale != 1.0 else values[row, rows])
+            if absent[row].any() or self.absent[row].blocks:
+                self.absent[row].add(np.zeros(self.count - self._noted(row), dtype=np.bool_))
+                self.absent[row].add(absent[row, rows])
+        self.count += len(batch) - spoilt
+
+    def _noted(self, row: int) -> int:
+        return len(self.absent[row].blocks) * BLOCK_ROWS - self.absent[row].room
 
     def columns(self, bag: str) -> TopicColumns:
-        counts = [len(part) for part in self.log_times]
         headers = any(decoder.stamp is not None for decoder in self.decoders.values())
         values, absent = {}, {}
         for row, source in enumerate(self.sources):
-            missing = _unpacked(self.absent[row], counts)
-            if missing is not None:
-                absent[source] = missing
-                if missing.all():
+            if self.absent[row].blocks:
+                absent[source] = self.absent[row].joined()
+                if absent[source].all():
                     raise self._nowhere(source, bag)
-            values[source] = _joined(self.values[row], np.float64)
-        log_times = _joined(self.log_times, np.int64)
-        stamps = _joined(self.stamps, np.int64)
-        return TopicColumns(self.topic, log_times, stamps if headers else None, values, absent)
+            values[source] = self.values[row].joined()
+        stamps = self.stamps.joined()
+        return TopicColumns(self.topic, self.log_times.joined(), stamps if headers else None, values, absent)
 
     def _nowhere(self, source: SignalSource, bag: str) -> InputError:
         names = [name for decoder in self.decoders.values() for name in decoder.names]
@@ -203,25 +238,6 @@ class _Growing:
             return InputError(f"{bag} {self.topic}", f"no joint {source.joint}", nearest(source.joint, names))
         whose = f" for joint {source.joint}" if source.joint is not None else ""
         return InputError(f"{bag} {self.topic}", f"{source.field} is empty{whose} in every message", "values")
-
-
-def _joined(parts: list[NDArray[np.generic]], kind: type) -> NDArray[np.generic]:
-    """The parts in one array; the list is emptied so that no column is held twice longer than needed."""
-    whole = np.empty(sum(len(part) for part in parts), dtype=kind)
-    at = 0
-    parts.reverse()
-    while parts:
-        part = parts.pop()
-        whole[at : at + len(part)] = part
-        at += len(part)
-    return whole
-
-
-def _unpacked(parts: list[NDArray[np.uint8]], counts: list[int]) -> Mask | None:
-    """Bit-packed masks in one array, None if nothing is set."""
-    if not any(part.any() for part in parts):
-        return None
-    return np.concatenate([np.unpackbits(part, count=count) for part, count in zip(parts, counts, strict=True)]).astype(bool)
 
 
 def topic_columns(
@@ -236,6 +252,6 @@ def topic_columns(
     for topic, parts in growing.items():
         if parts.spoilt:
             told.append(f"{topic}: {parts.spoilt} messages do not fit their type, left out")
-        if any(len(part) for part in parts.log_times):
+        if parts.count:
             result[topic] = parts.columns(bag)
     return result

@@ -67,14 +67,20 @@ def types_of(channel: Channel) -> Types:
     """
     msgtype = full_name(channel.msgtype)
     base = _ros1_types() if channel.encoding == "ros1" else standard_types()
-    known: dict[str, Fields] = {name: tuple(fields) for name, (_, fields) in base.fielddefs.items()}
     try:
         own = parsed(channel.definition, channel.definition_encoding, msgtype) if channel.definition else {}
+        return _reached(base.fielddefs | own, msgtype, channel.topic)
     except Exception as error:  # the parser is given whatever a damaged file holds
-        if msgtype not in known:
-            raise InputError(channel.topic, f"the definition of {channel.msgtype} cannot be parsed: {error}") from None
-        own = {}
-    known.update({name: tuple(fields) for name, (_, fields) in own.items()})
+        if msgtype in base.fielddefs:
+            return _reached(base.fielddefs, msgtype, channel.topic)
+        if isinstance(error, InputError):
+            raise
+        found = f"the definition of {channel.msgtype} cannot be parsed: {error}"
+        raise InputError(channel.topic, found, "a whole definition in the bag, or a standard ROS 2 type") from None
+
+
+def _reached(known: Typesdict, msgtype: str, topic: str) -> Types:
+    """The types that one is made of, and itself."""
     reached: dict[str, Fields] = {}
     waiting = [msgtype]
     while waiting:
@@ -83,9 +89,9 @@ def types_of(channel: Channel) -> Types:
             continue
         if name not in known:
             expected = "its definition in the bag, or a standard ROS 2 type"
-            raise InputError(channel.topic, f"type {name} is unknown", expected)
-        reached[name] = known[name]
-        waiting.extend(inner for _, desc in known[name] if (inner := type_name(desc)) is not None)
+            raise InputError(topic, f"type {name!r} is unknown", expected)
+        reached[name] = tuple(known[name][1])
+        waiting.extend(inner for _, desc in known[name][1] if (inner := type_name(desc)) is not None)
     return reached
 
 

@@ -11,6 +11,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -29,6 +30,10 @@ _CHUNK_HEAD = struct.Struct("<QQQII")
 _LIKELY = re.compile(rb"(?=[\x03-\x0f].{3}[\x00-\x7f]\x00{4})", re.DOTALL)
 """An opcode and a length below 2^31; `_surely` then looks whether a record really begins there."""
 
+TAIL = 37
+"""Bytes of the footer record and the closing magic."""
+
+MAX_SUMMARY = 1 << 26
 MESSAGE_MIN = 22
 CHUNK_MIN = 40
 ODD_RECORDS = {DATA_END: range(4, 5), FOOTER: range(20, 21), STATISTICS: range(46, 1 << 20), SCHEMA: range(14, 1 << 24),
@@ -49,11 +54,13 @@ class McapScan:
         self._uncounted = False
         self._lost_chunk = False  # the last chunk was lost and no index has said yet how many messages it had
         self._ended = False
+        self._cut_bytes = 0
 
     def batches(self) -> Iterator[Batch]:
         """Every whole message, in batches of one channel each."""
         size = self.path.stat().st_size
         with self.path.open("rb") as stream:
+            self._read_summary(stream, size)
             window = Window(stream, size)
             if window.peek(8) == MAGIC:
                 window.skip(8)
@@ -62,8 +69,29 @@ class McapScan:
             while window.remaining and not self._ended:
                 yield from self._record(window)
         if not self._ended:
-            self.damage.add("the end of the file is missing")
+            self.damage.add("the end of the file is missing", self._cut_bytes)
         self._reckon()
+
+    def _read_summary(self, stream: BinaryIO, size: int) -> None:
+        """Topics and count from the end of the file, if it has a whole end: the chunk that has them may be lost."""
+        if size > TAIL:
+            stream.seek(-TAIL, 2)
+            tail = stream.read(TAIL)
+            operation, length, start = struct.unpack_from("<BQQ", tail)
+            if tail.endswith(MAGIC) and (operation, length) == (FOOTER, 20) and 0 < start < size - TAIL:
+                stream.seek(start)
+                self._note_summary(stream.read(min(size - TAIL - start, MAX_SUMMARY)))
+        stream.seek(0)
+
+    def _note_summary(self, summary: bytes) -> None:
+        at = 0
+        while at + 9 <= len(summary):
+            operation, length = _HEAD.unpack_from(summary, at)
+            if length > len(summary) - at - 9:
+                break
+            if operation in (SCHEMA, CHANNEL, STATISTICS):
+                self._note(operation, summary[at + 9 : at + 9 + length])
+            at += 9 + length
 
     def _reckon(self) -> None:
         """Say how much was lost; the statistics at the end of the file know best."""
@@ -210,7 +238,10 @@ class McapScan:
             window.skip(at)
             if at < last:
                 break
-        self.damage.add("stretches that are no records", window.offset - begin)
+        if window.remaining:
+            self.damage.add("stretches that are no records", window.offset - begin)
+        else:
+            self._cut_bytes = window.offset - begin
 
     def _cut_chunk(self, window: Window) -> bytes | None:
         """What can be unpacked of a chunk that the end of the file cuts; None if it is not that."""

@@ -73,7 +73,7 @@ class SqliteScan:
                         last, stride = row[0], 1
                         yield row
                 return
-            except (sqlite3.Error, OverflowError):
+            except (sqlite3.Error, OverflowError, MemoryError):
                 if broken:  # row by row up to here already
                     last, stride = last + stride, stride * 2
                 else:
@@ -111,6 +111,10 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
             path, options = Path(scratch, "copy.db3"), "mode=rw"
         uri = f"{path.resolve().as_uri()}?{options}"
         with closing(sqlite3.connect(uri, uri=True)) as connection:
+            # Rows may not claim more than the file holds; a database shorter than its head says is read all the same.
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(path.stat().st_size, 1 << 16))
+            with suppress(sqlite3.Error):
+                connection.execute("PRAGMA writable_schema = ON")
             connection.text_factory = lambda raw: raw.decode(errors="replace")
             yield connection
 
@@ -124,6 +128,7 @@ def _channels(connection: sqlite3.Connection) -> dict[int, Channel]:
         definitions = {str(name): (str(text), str(encoding)) for name, encoding, text in connection.execute(query)}
     rows = connection.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics").fetchall()
     return {
-        int(number): Channel(str(topic), str(msgtype), str(encoding), *definitions.get(str(msgtype), ("", "")), str(profile))
+        number: Channel(topic, msgtype, encoding, *definitions.get(msgtype, ("", "")), str(profile or ""))
         for number, topic, msgtype, encoding, profile in rows
+        if isinstance(number, int) and all(isinstance(cell, str) for cell in (topic, msgtype, encoding))
     }

@@ -51,12 +51,17 @@ class Damage:
         what = "; ".join(f"{kind} ({count} times)" if count > 1 else kind for kind, count in self.kinds.items())
         lost = []
         if self.lost_messages:
-            lost.append(f"{'at least ' if self.unsure else ''}{self.lost_messages} messages")
+            lost.append(f"{'at least ' if self.unsure else ''}{counted(self.lost_messages, 'message')}")
         elif self.unsure:
             lost.append("an unknown number of messages")
         if self.lost_bytes:
-            lost.append(f"{self.lost_bytes} bytes")
+            lost.append(counted(self.lost_bytes, "byte"))
         return f"damaged: {what}; lost: {' and '.join(lost) or 'nothing'}"
+
+
+def counted(number: int, what: str) -> str:
+    """`1 message`, `2 messages`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 class Unpackable(Exception):
@@ -111,6 +116,24 @@ def _in_pieces(data: bytes | memoryview, compression: str, size: int) -> bytes:
         except (RuntimeError, zstd.ZstdError, ValueError, EOFError):
             break
     raise Unpackable("broken compression", b"".join(parts)[:size])
+
+
+def unpack_file(packed: BinaryIO, out: BinaryIO) -> bool:
+    """Unpack a zstd file of one or more frames; False if it is cut or broken, with what came before that in `out`."""
+    decoder, piece = zstd.ZstdDecompressor(), packed.read(1 << 16)
+    try:
+        while piece or not decoder.needs_input:
+            out.write(decoder.decompress(piece, BLOCK))
+            if decoder.eof:
+                piece = decoder.unused_data or packed.read(1 << 16)
+                if not piece:
+                    return True
+                decoder = zstd.ZstdDecompressor()
+            else:
+                piece = packed.read(1 << 16) if decoder.needs_input else b""
+    except zstd.ZstdError:
+        pass
+    return False
 
 
 class Window:

@@ -1,0 +1,113 @@
+"""Damage good bags at random for a long time: `python test/recording/fuzz_recording.py [--seconds 600] [--seed 0]`.
+
+Every reading must end with a recording or one InputError, within seconds and without much memory. The unit tests do
+a little of the same with hypothesis.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import resource
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+
+from recording_samples import KINDS, SIGNALS, samples, write
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording.bags import read_recordings
+
+SLOW = 10.0  # s
+MEMORY = 1 << 30  # bytes beyond the start
+
+
+def damaged(data: bytes, chance: random.Random) -> bytes:
+    """The bytes cut, flipped, overwritten, shortened or lengthened in one to three ways."""
+    raw = bytearray(data)
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        if not raw:
+            break
+        at = chance.randrange(len(raw))
+        length = min(len(raw) - at, chance.choice((1, 4, 8, 100, 5000)))
+        how = chance.randrange(7)
+        if how == 0:
+            del raw[at:]
+        elif how == 1:
+            for _ in range(chance.choice((1, 1, 5, 50))):
+                raw[chance.randrange(len(raw))] ^= 1 << chance.randrange(8)
+        elif how == 2:
+            raw[at : at + length] = bytes(length)
+        elif how == 3:
+            raw[at : at + length] = b"\xff" * length
+        elif how == 4:
+            del raw[at : at + length]
+        elif how == 5:
+            raw[at:at] = raw[at : at + length]
+        else:
+            raw[at : at + length] = chance.randbytes(length)
+    return bytes(raw)
+
+
+def storage(bag: Path) -> list[Path]:
+    """The files of a bag."""
+    return [bag] if bag.is_file() else sorted(path for path in bag.iterdir())
+
+
+def run(seconds: float, seed: int) -> int:
+    chance = random.Random(seed)
+    folder = Path(tempfile.mkdtemp())
+    good = {kind: write(kind, folder / kind, samples()) for kind in KINDS}
+    for bag in good.values():
+        read_recordings([bag], SIGNALS)
+    begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    outcomes: Counter[str] = Counter()
+    failures = 0
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        kind = chance.choice(KINDS)
+        copy = folder / f"damaged{good[kind].suffix}"
+        (shutil.copytree if good[kind].is_dir() else shutil.copy)(good[kind], copy)
+        victim = chance.choice(storage(copy))
+        victim.write_bytes(damaged(victim.read_bytes(), chance))
+        started = time.monotonic()
+        try:
+            (recording,) = read_recordings([copy], SIGNALS)
+            outcomes["read whole" if len(recording) == 400 else "read in part"] += 1
+            failed = ""
+        except InputError:
+            outcomes["refused"] += 1
+            failed = ""
+        except Exception:
+            failed = traceback.format_exc()
+        if time.monotonic() - started > SLOW:
+            failed += f"took {time.monotonic() - started:.1f} s"
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        if peak - begin > MEMORY:
+            failed += f"memory grew by {peak - begin} bytes"
+            begin = peak
+        if failed:
+            failures += 1
+            kept = folder / f"failure_{failures}_{copy.name}"
+            copy.rename(kept)
+            print(f"{kind} {victim.name} kept at {kept}:\n{failed}", file=sys.stderr)
+        elif copy.is_dir():
+            shutil.rmtree(copy)
+        else:
+            copy.unlink()
+    print(dict(outcomes), f"{failures} failures, peak memory +{(peak - begin) >> 20} MB")
+    if not failures:
+        shutil.rmtree(folder)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    sys.exit(run(arguments.seconds, arguments.seed))
