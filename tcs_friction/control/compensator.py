@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tcs_friction.control.config_field import setting, validate
 from tcs_friction.physics.friction.lugre import friction, stribeck_level
-from tcs_friction.physics.terms import EXOGENOUS, TRAVEL, VELOCITY
+from tcs_friction.physics.terms import DRY_SCALE, EXOGENOUS, TRAVEL, VELOCITY, VISCOUS_SCALE
 
 Array = NDArray[np.float64]
 
@@ -93,6 +93,7 @@ def lugre_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> f
         state[_SPEED] = velocity
     motion = state[_STATE_HEADER:]
     motion[VELOCITY] = velocity
+    motion[DRY_SCALE] = motion[VISCOUS_SCALE] = 1.0
     motion[TRAVEL] = 0.5 * (state[_SPEED] + velocity) * parameters[_DT]
     state[_SPEED] = velocity
     bristle = state[DEFLECTION:_SPEED]

@@ -7,7 +7,9 @@ kernels and so the same numbers as the nodes in lock-step.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,7 +33,7 @@ from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.simulate import NOISE_BLOCK, substeps_for
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.terms import TEMPERATURE, instance
 
 Array = NDArray[np.float64]
 
@@ -98,10 +100,13 @@ def simulate_loop(
     observer: ObserverConfig | None = None,
     compensator: CompensatorConfig | None = None,
     seed: int = 0,
+    temperature: Array | float = 20.0,
+    exogenous: Mapping[str, Array] = MappingProxyType({}),
 ) -> LoopRun:
     """Run the closed loop over the reference's duration, from rest at the reference's first position.
 
-    Same arguments, same result, bit for bit.
+    `temperature` (degC) is one value or (n,), and each signal of `exogenous` is (n,), at the n ticks of
+    `ticks(reference, config)`. Same arguments, same result, bit for bit.
 
     Raises
     ------
@@ -111,11 +116,12 @@ def simulate_loop(
     config = config or LoopConfig()
     _check(config, controller, observer, compensator)
     period = config.period
-    count = round(reference.duration / period) + 1
-    times: Array = period * np.arange(count, dtype=np.float64)
+    times = ticks(reference, config)
+    count = len(times)
     targets = reference.over(times)
     substeps = substeps_for(axis, period)
-    plant = compiled.build(axis, period / substeps, substeps, position=float(targets[0, 0]))
+    surroundings = np.column_stack([np.broadcast_to(temperature, count), *exogenous.values()])
+    plant = compiled.build(axis, period / substeps, substeps, tuple(exogenous), float(targets[0, 0]))
     observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
     compensating = compensator_parameters(compensator or CompensatorConfig(), period)
     out: Array = np.zeros((10, count))
@@ -131,6 +137,7 @@ def simulate_loop(
         np.zeros(STATES),
         COMPENSATIONS.index(config.compensation),
         targets,
+        surroundings,
         _normals(seed, count),
         out,
     )
@@ -138,6 +145,13 @@ def simulate_loop(
         first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
         raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
     return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *(row.copy() for row in out))
+
+
+def ticks(reference: Reference, config: LoopConfig) -> Array:
+    """The instants (n,) of a run over the reference's duration, s."""
+    count = round(reference.duration / config.period) + 1
+    times: Array = config.period * np.arange(count, dtype=np.float64)
+    return times
 
 
 def _normals(seed: int, count: int) -> Array:
@@ -180,6 +194,7 @@ def _run(
     compensator_state: Array,
     compensation_kind: int,
     targets: Array,
+    surroundings: Array,
     normals: Array,
     out: Array,
 ) -> None:
@@ -204,4 +219,5 @@ def _run(
         if feed_back:
             added += observer_state[REST]
         command = pid_step(pid_state, pid, position, velocity, q_ref, v_ref, a_ref, added)
+        plant.motion[TEMPERATURE:] = surroundings[k]
         torque = compiled.tick(plant, command, normals[k, 0], normals[k, 1])
