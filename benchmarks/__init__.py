@@ -1,0 +1,14 @@
+"""The benchmarks: one module each, run by `./tcs bench NAME`.
+
+A module has `add_arguments(parser)` for its own options and `run(arguments)`, which returns a list of
+{name, value, unit, beside, ratio}: what was measured, beside what, and how many times it.
+"""
+
+BENCHMARKS = {
+    "bag": "reading an hour of joint states, beside other readers",
+    "simulate": "the offline axis, beside scipy's solve_ivp",
+    "graph": "ticks per second of the node graph, beside a bare chain of messages",
+    "cost": "the identification's cost, beside NumPy",
+    "identify": "optimisers on the same cost",
+    "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
+}
