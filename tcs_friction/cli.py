@@ -36,7 +36,11 @@ def usage() -> str:
     """The page that `--help` and no command at all show."""
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
-    return "usage: tcs-friction COMMAND ...\n\n" + "\n".join(lines) + "\n\nEach command explains itself: tcs-friction COMMAND --help"
+    return (
+        "usage: tcs-friction COMMAND ...\n\n"
+        + "\n".join(lines)
+        + "\n\nEach command explains itself: tcs-friction COMMAND --help"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,7 +68,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(name: str, words: list[str]) -> int:
     module = importlib.import_module(f"tcs_friction.commands.{name}")
-    parser = _Parser(prog=f"tcs-friction {name}", description=module.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = _Parser(
+        prog=f"tcs-friction {name}",
+        description=module.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     module.add_arguments(parser)
     return int(module.run(parser.parse_args(words)) or 0)
 

@@ -77,7 +77,11 @@ def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
     """The free numbers of an axis."""
     numbers = []
     for f in free:
-        values = {"inertia": axis.inertia} if f.owner == -2 else (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
+        values = (
+            {"inertia": axis.inertia}
+            if f.owner == -2
+            else (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
+        )
         value = values[f.name]
         if f.kind == "cosine":
             value = value * math.cos(values[f.phase])
@@ -151,7 +155,15 @@ class Balance:
         for s, begin, end in zip(data.stretches, self.ends[:-1], self.ends[1:], strict=True):
             compiled = machine.build(axis, data.dt, signals=data.names, position=float(s.position[0]))
             machine.evaluate(
-                compiled, s.t, s.position, s.velocity, s.acceleration, s.torque, s.signals, resolution, out[begin:end]
+                compiled,
+                s.t,
+                s.position,
+                s.velocity,
+                s.acceleration,
+                s.torque,
+                s.signals,
+                resolution,
+                out[begin:end],
             )
         self.evaluations += 1
         return out
@@ -180,7 +192,9 @@ class Balance:
         """Rows whose whole whitening filter lies in train data."""
         order = len(self.weights) - 1
         inside = [
-            ndimage.minimum_filter1d(self.train[a:b].astype(np.uint8), order + 1, mode="constant").astype(bool)
+            ndimage.minimum_filter1d(self.train[a:b].astype(np.uint8), order + 1, mode="constant").astype(
+                bool
+            )
             for a, b in zip(self.ends[:-1], self.ends[1:], strict=True)
         ]
         self.rows = np.nonzero(np.concatenate(inside))[0]
@@ -220,7 +234,9 @@ class Balance:
                     piece = residual[begin : begin + length]
                     blocks.append(scale * np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2)
         if not blocks:
-            return np.linspace(0.0, 0.5 / self.data.dt, 17), np.full(17, 2.0 * self.data.dt * np.var(residual[self.train]))
+            return np.linspace(0.0, 0.5 / self.data.dt, 17), np.full(
+                17, 2.0 * self.data.dt * np.var(residual[self.train])
+            )
         middle = np.median(blocks, axis=0) / math.log(2.0)
         middle[0] = middle[1] if len(middle) > 1 else middle[0]
         middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="nearest")
@@ -241,7 +257,14 @@ class Balance:
             columns[:, k] = self.whiten(self.residual(put(axis, free, moved)) - residual) / f.scale
         return columns
 
-    def fit(self, axis: Axis, free: Sequence[Free], prior: np.ndarray | None = None, iterations: int = 12, tolerance: float = 1.0) -> Fit:
+    def fit(
+        self,
+        axis: Axis,
+        free: Sequence[Free],
+        prior: np.ndarray | None = None,
+        iterations: int = 12,
+        tolerance: float = 1.0,
+    ) -> Fit:
         """Levenberg-Marquardt on whitened train residuals.
 
         `prior` (k,) is the standard deviation that keeps a number that the data do not determine near its start (inf: none).
@@ -269,7 +292,13 @@ class Balance:
                 moved = get(trial, free)
                 trial_cost = float(trial_white @ trial_white + strength @ (moved - start) ** 2)
                 if np.isfinite(trial_cost) and trial_cost < cost:
-                    axis, numbers, residual, white, cost = trial, moved, trial_residual, trial_white, trial_cost
+                    axis, numbers, residual, white, cost = (
+                        trial,
+                        moved,
+                        trial_residual,
+                        trial_white,
+                        trial_cost,
+                    )
                     damping = max(damping * 0.2, 1e-9)
                     break
                 damping *= 8.0

@@ -85,7 +85,9 @@ def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> l
 
 def position_spectrum(position: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Frequencies (Hz), power density of the position and the level of its white noise floor, both in rad^2/Hz."""
-    frequency, power = signal.welch(np.diff(position, 2), 1.0 / dt, nperseg=min(2048, max(64, len(position) // 4)))
+    frequency, power = signal.welch(
+        np.diff(position, 2), 1.0 / dt, nperseg=min(2048, max(64, len(position) // 4))
+    )
     power = power[1:] / (2.0 * np.sin(np.pi * frequency[1:] * dt)) ** 4
     return frequency[1:], power, float(np.median(power[int(0.7 * len(power)) :]))
 
@@ -112,26 +114,38 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     pieces = [(r, s) for r in recordings for s in r.segments]
     check(recordings)
     periods = [float(np.median(np.diff(r.t[s]))) for r, s in pieces if s.stop - s.start >= FEWEST]
-    long = [(r, s) for r, s in pieces if s.stop - s.start >= FEWEST and r.t[s.stop - 1] - r.t[s.start] >= SHORTEST]
+    long = [
+        (r, s) for r, s in pieces if s.stop - s.start >= FEWEST and r.t[s.stop - 1] - r.t[s.start] >= SHORTEST
+    ]
     if not long:
         longest = max(float(r.t[s.stop - 1] - r.t[s.start]) for r, s in pieces)
         raise InputError(
-            recordings[0].source, f"the longest stretch without a gap has {longest:.3g} s", f"at least {SHORTEST:g} s and {FEWEST} samples"
+            recordings[0].source,
+            f"the longest stretch without a gap has {longest:.3g} s",
+            f"at least {SHORTEST:g} s and {FEWEST} samples",
         )
     if len(long) < len(pieces):
-        notes.append(f"{len(pieces) - len(long)} of {len(pieces)} stretches between gaps are too short and left out")
+        notes.append(
+            f"{len(pieces) - len(long)} of {len(pieces)} stretches between gaps are too short and left out"
+        )
     dt = float(np.median(periods))
     uniform = [_uniform(r, s, dt) for r, s in long]
     chosen = [choose_cutoff(position, dt) for _, position, _, _ in uniform]
     cutoff = float(np.median([c for c, _ in chosen]))
     noise = float(np.median([n for _, n in chosen]))
     step = max(1, int(1.0 / (SAMPLES_PER_PERIOD * cutoff * dt)))
-    notes.append(f"motion and torque low-passed at {cutoff:.3g} Hz (position noise {noise:.2g} rms), kept at {1 / (step * dt):.4g} Hz")
+    notes.append(
+        f"motion and torque low-passed at {cutoff:.3g} Hz (position noise {noise:.2g} rms), kept at {1 / (step * dt):.4g} Hz"
+    )
     velocity_noise = noise * 2.0 * math.pi * cutoff * math.sqrt(2.0 * dt * cutoff / 3.0)
     names = tuple(recordings[0].exogenous)
     parts = [_filtered(r, piece, dt, cutoff, step) for (r, _), piece in zip(long, uniform, strict=True)]
     sizes = [len(part["t"]) for part in parts]
-    masks = _hold_out([r for r, _ in long], sizes, len(recordings)) if held_out else [np.zeros(n, bool) for n in sizes]
+    masks = (
+        _hold_out([r for r, _ in long], sizes, len(recordings))
+        if held_out
+        else [np.zeros(n, bool) for n in sizes]
+    )
     edge = math.ceil(max(EDGE_PERIODS / cutoff, EDGE_SECONDS) / (step * dt))
     stretches = []
     for part, mask in zip(parts, masks, strict=True):
@@ -149,12 +163,20 @@ def check(recordings: Sequence[Recording]) -> None:
         if np.ptp(r.position) == 0.0:
             raise InputError(r.source, "the position never changes", "a recording in which the axis moves")
         if np.ptp(r.torque) == 0.0:
-            raise InputError(r.source, f"the torque is constant ({r.torque[0]:g})", "the torque applied to the axis")
+            raise InputError(
+                r.source, f"the torque is constant ({r.torque[0]:g})", "the torque applied to the axis"
+            )
         distinct = len(np.unique(r.position))
         if distinct < 20:
-            raise InputError(r.source, f"the position takes only {distinct} values", "motion over many encoder steps")
+            raise InputError(
+                r.source, f"the position takes only {distinct} values", "motion over many encoder steps"
+            )
         if tuple(r.exogenous) != tuple(recordings[0].exogenous):
-            raise InputError(r.source, "other exogenous signals than the first recording", ", ".join(recordings[0].exogenous))
+            raise InputError(
+                r.source,
+                "other exogenous signals than the first recording",
+                ", ".join(recordings[0].exogenous),
+            )
         if r.velocity is not None:
             _check_velocity(r)
 
@@ -177,8 +199,16 @@ def _check_velocity(r: Recording) -> None:
         return  # no clear relation either way; the velocity is not used further
     slope = float(x @ y / (x @ x))
     if not 0.5 < slope < 2.0:
-        hint = " (degrees in one of them?)" if min(abs(slope * 57.29578 - 1), abs(slope / 57.29578 - 1)) < 0.3 else ""
-        raise InputError(r.source, f"position changes {slope:.3g} times as fast as the velocity says{hint}", "both in the same unit")
+        hint = (
+            " (degrees in one of them?)"
+            if min(abs(slope * 57.29578 - 1), abs(slope / 57.29578 - 1)) < 0.3
+            else ""
+        )
+        raise InputError(
+            r.source,
+            f"position changes {slope:.3g} times as fast as the velocity says{hint}",
+            "both in the same unit",
+        )
 
 
 def _uniform(r: Recording, s: slice, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -188,11 +218,19 @@ def _uniform(r: Recording, s: slice, dt: float) -> tuple[np.ndarray, np.ndarray,
     if np.max(np.abs(np.diff(t) - dt)) < 1e-3 * dt:
         return t, r.position[s], r.torque[s], np.array([x[s] for x in others])
     grid = np.arange(t[0], t[-1], dt)
-    return grid, *(np.interp(grid, t, x[s]) for x in (r.position, r.torque)), np.array([np.interp(grid, t, x[s]) for x in others])  # type: ignore[return-value]
+    return (
+        grid,
+        *(np.interp(grid, t, x[s]) for x in (r.position, r.torque)),
+        np.array([np.interp(grid, t, x[s]) for x in others]),
+    )  # type: ignore[return-value]
 
 
 def _filtered(
-    r: Recording, piece: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], dt: float, cutoff: float, step: int
+    r: Recording,
+    piece: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    dt: float,
+    cutoff: float,
+    step: int,
 ) -> dict[str, np.ndarray]:
     t, position, torque, others = piece
     q, v, a = low_pass(position, dt, cutoff, 2)

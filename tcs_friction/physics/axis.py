@@ -55,10 +55,14 @@ class Axis:
         if not 0.0 <= self.actuation_delay <= 10.0:
             raise InputError(f"axis {self.name}: actuation_delay", repr(self.actuation_delay), "0 to 10 s")
         if self.friction.term.place is not Place.LAW:
-            raise InputError(f"axis {self.name}: friction", f"{self.friction.term.id} is an effect", "a friction law")
+            raise InputError(
+                f"axis {self.name}: friction", f"{self.friction.term.id} is an effect", "a friction law"
+            )
         for item in self.effects:
             if item.term.place is Place.LAW:
-                raise InputError(f"axis {self.name}: effects", f"{item.term.id} is a friction law", "an effect")
+                raise InputError(
+                    f"axis {self.name}: effects", f"{item.term.id} is a friction law", "an effect"
+                )
 
     @property
     def cycle(self) -> float:
@@ -93,7 +97,9 @@ class Axis:
             values = item.values
             share = 1.0 - values.get("inertia_ratio", 0.0)
             moving = self.inertia * share
-            rates.append(math.sqrt(values.get("stiffness", 0.0) / moving) if values.get("stiffness", 0.0) > 0 else 0.0)
+            rates.append(
+                math.sqrt(values.get("stiffness", 0.0) / moving) if values.get("stiffness", 0.0) > 0 else 0.0
+            )
             rates.append((values.get("damping", 0.0) + values.get("viscous", 0.0)) / moving)
             rates.append(2.0 * math.pi * values.get("frequency", 0.0))
             rates.append(2.0 * math.pi * values.get("contact_frequency", 0.0) / math.sqrt(share))

@@ -20,7 +20,9 @@ from tcs_friction.physics.terms import KERNEL_SIGNATURE, Kernel
 
 def addresses(kernels: Sequence[Kernel]) -> np.ndarray:
     """Entry points of compiled kernels, (k,). The kernels must outlive the array, as those of modules do."""
-    return np.array([_get_wrapper_address(function, KERNEL_SIGNATURE) for function in kernels], dtype=np.int64)
+    return np.array(
+        [_get_wrapper_address(function, KERNEL_SIGNATURE) for function in kernels], dtype=np.int64
+    )
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -38,7 +38,18 @@ from tcs_friction.physics.terms import (
 )
 
 # Slots of Machine.body
-TRUE_POSITION, TRUE_VELOCITY, TRUE_ACCELERATION, OTHERS, CLOCK, NOISE, MEASURED, MEASURED_VELOCITY, FRICTION, LAST_MIDDLE = range(10)
+(
+    TRUE_POSITION,
+    TRUE_VELOCITY,
+    TRUE_ACCELERATION,
+    OTHERS,
+    CLOCK,
+    NOISE,
+    MEASURED,
+    MEASURED_VELOCITY,
+    FRICTION,
+    LAST_MIDDLE,
+) = range(10)
 # Slots of Machine.constants
 (
     MASS,
@@ -68,7 +79,9 @@ class Machine(NamedTuple):
     constants: np.ndarray  # (10,)
 
 
-def build(axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (), position: float = 0.0) -> Machine:
+def build(
+    axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (), position: float = 0.0
+) -> Machine:
     """Pack an axis for instants `dt` (s) apart, of which `substeps` make a control period. It starts at rest at `position` (rad)."""
     terms = axis.terms
     kernels = addresses([item.term.kernel for item in terms])
@@ -93,7 +106,12 @@ def build(axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (
         ]
     )
     motion = np.zeros(EXOGENOUS + len(signals))
-    motion[POSITION], motion[CYCLE], motion[INERTIA], motion[TEMPERATURE] = position, axis.cycle, axis.inertia, 20.0
+    motion[POSITION], motion[CYCLE], motion[INERTIA], motion[TEMPERATURE] = (
+        position,
+        axis.cycle,
+        axis.inertia,
+        20.0,
+    )
     body = np.zeros(10)
     body[[TRUE_POSITION, MEASURED, LAST_MIDDLE]] = position
     return Machine(
@@ -195,8 +213,18 @@ def run(m: Machine, torque: Any, out: Any) -> None:
 REQUIRED, ROTOR, DRY_PART, VISCOUS_PART, AVAILABLE, SHARE, OPPOSED, MOVED = range(8)
 
 
-@njit(cache=True, error_model="numpy")
-def evaluate(m: Machine, t: Any, position: Any, velocity: Any, acceleration: Any, torque: Any, signals: Any, resolution: float, out: Any) -> None:
+@njit(cache=True, error_model="numpy", nogil=True)
+def evaluate(
+    m: Machine,
+    t: Any,
+    position: Any,
+    velocity: Any,
+    acceleration: Any,
+    torque: Any,
+    signals: Any,
+    resolution: float,
+    out: Any,
+) -> None:
     """Walk through a measured motion. Shapes (n,); `signals` (s, n) holds temperature, then the exogenous signals.
 
     `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (n, 8) gets, each in N m

@@ -19,7 +19,10 @@ from tcs_friction.physics.terms import Place, Term, nearest
 
 
 def _own(package: ModuleType) -> list[Term]:
-    modules = [importlib.import_module(f"{package.__name__}.{m.name}") for m in pkgutil.iter_modules(package.__path__)]
+    modules = [
+        importlib.import_module(f"{package.__name__}.{m.name}")
+        for m in pkgutil.iter_modules(package.__path__)
+    ]
     return [module.TERM for module in modules if hasattr(module, "TERM")]
 
 
@@ -28,9 +31,13 @@ def _collect(package: ModuleType, group: str) -> Mapping[str, Term]:
     for entry in entry_points(group=group):
         term = entry.load()
         if not isinstance(term, Term):
-            raise InputError(f"entry point {entry.name} of {group}", f"{entry.value} is a {type(term).__name__}", "a Term")
+            raise InputError(
+                f"entry point {entry.name} of {group}", f"{entry.value} is a {type(term).__name__}", "a Term"
+            )
         if term.id in found:
-            raise InputError(f"entry point {entry.name} of {group}", f"the name {term.id!r} is taken", "another name")
+            raise InputError(
+                f"entry point {entry.name} of {group}", f"the name {term.id!r} is taken", "another name"
+            )
         found[term.id] = term
     return MappingProxyType(found)
 

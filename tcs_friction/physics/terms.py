@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -45,7 +45,9 @@ ARREST = 5  # N m, friction that would stop the axis within this step; what a la
 DRY = 6  # N m, dry part of the friction, written by the law
 VISCOUS = 7  # N m, viscous part of the friction, written by the law
 INERTIA = 8  # kg m^2, what moves rigidly with the shaft
-CYCLE = 9  # rad of phase per unit of position at order 1: 1 for a rotary axis, 2 pi per metre for a linear one
+CYCLE = (
+    9  # rad of phase per unit of position at order 1: 1 for a rotary axis, 2 pi per metre for a linear one
+)
 TRAVEL = 10  # rad, moved since the previous instant
 LEVEL = 11  # N m, dry friction available here and now (the scaled Stribeck curve), written by the law
 MOBILISED = 12  # -1 to 1, share of LEVEL that is mobilised: the direction of motion once the axis slides
@@ -132,6 +134,45 @@ def linear_unit(unit: str) -> str:
 Validate = Callable[[Mapping[str, float]], list[str]]
 
 
+@dataclass(frozen=True)
+class Survey:
+    """What a recording can show: from it an effect proposes values of its SHAPE parameters to start a search from.
+
+    travel: lowest and highest position. slow, fast: speeds that the axis moves at (5th and 99th percentile). duration: s.
+    start: time of the first sample, s. cutoff: highest frequency with a signal, Hz. resolution: noise of the position.
+    inertia, level: the axis' inertia and dry friction. bristle: travel over which that friction turns over, 0 without bristles.
+    """
+
+    travel: tuple[float, float]
+    slow: float
+    fast: float
+    start: float
+    duration: float
+    cutoff: float
+    resolution: float
+    inertia: float
+    level: float
+    bristle: float
+
+    @property
+    def span(self) -> float:
+        """Width of the travel."""
+        return self.travel[1] - self.travel[0]
+
+
+Scan = Callable[[Survey], Sequence[Mapping[str, float]]]
+
+
+def geometric(lowest: float, highest: float, count: int) -> list[float]:
+    """`count` values from lowest to highest, each the same factor above the one before."""
+    return [lowest * (highest / lowest) ** (i / (count - 1)) for i in range(count)]
+
+
+def no_scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Nothing to search."""
+    return ({},)
+
+
 def _no_warnings(values: Mapping[str, float]) -> list[str]:
     return []
 
@@ -148,6 +189,9 @@ class Term:
     subsystem: what an engineer would look at (`bearing`, `actuator`, ...).
     states: number of state values, or a function of (parameter values, dt) giving it.
     signals: number of recorded signals the instance must name; the kernel finds their slots behind its parameters.
+    temperature: whether it reads the recorded temperature.
+    scan: values of the SHAPE parameters to start a search from, given what a recording can show.
+    periodic: "position" or "time" when the first parameter counts periods there and a spectrum finds it.
     warn: what is doubtful about a set of values (a passivity condition, say), one line each.
     rank: order among terms of the same place; terms that change what others read come first.
     """
@@ -162,6 +206,8 @@ class Term:
     states: int | Callable[[Mapping[str, float], float], int] = 0
     signals: int = 0
     temperature: bool = False
+    scan: Scan = no_scan
+    periodic: str = ""
     warn: Validate = _no_warnings
     rank: int = 0
     tabulated: bool = False
@@ -194,7 +240,9 @@ class Instance:
         if self.term.signals:
             if self.signal not in signals:
                 known = ", ".join(signals) or "none"
-                raise InputError(f"effect {self.term.id}", f"no recorded signal named {self.signal!r}", f"one of: {known}")
+                raise InputError(
+                    f"effect {self.term.id}", f"no recorded signal named {self.signal!r}", f"one of: {known}"
+                )
             packed.append(float(EXOGENOUS + signals.index(self.signal)))
         if self.table is not None:
             packed.extend(self.table.packed(signals))
@@ -234,7 +282,11 @@ class Table:
             return SLOTS[coordinate]
         name = coordinate.removeprefix("exogenous:")
         if name not in signals:
-            raise InputError("effect learned_map", f"no coordinate {coordinate!r}", f"one of: {', '.join([*SLOTS, *signals])}")
+            raise InputError(
+                "effect learned_map",
+                f"no coordinate {coordinate!r}",
+                f"one of: {', '.join([*SLOTS, *signals])}",
+            )
         return EXOGENOUS + signals.index(name)
 
     def packed(self, signals: tuple[str, ...]) -> list[float]:

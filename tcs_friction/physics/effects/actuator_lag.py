@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import TORQUE, Parameter, Place, Term, kernel
+from tcs_friction.physics.terms import TORQUE, Parameter, Place, Survey, Term, geometric, kernel
 
 
 @kernel
@@ -23,6 +24,10 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(state[2])
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [{"time_constant": tau} for tau in geometric(0.02 / survey.cutoff, 1.0 / survey.cutoff, 5)]
+
+
 TERM = Term(
     id="actuator_lag",
     place=Place.DRIVE,
@@ -32,4 +37,5 @@ TERM = Term(
     states=3,
     coordinate="frequency",
     subsystem="actuator",
+    scan=scan,
 )

@@ -6,18 +6,32 @@ Inside the gap the second body coasts; beyond it the flexible mode's equation ho
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import INERTIA, TRAVEL, VELOCITY, Parameter, Place, Role, Term, kernel
-
-
 from tcs_friction.physics.effects.flexible_mode import oscillate
+from tcs_friction.physics.terms import (
+    INERTIA,
+    TRAVEL,
+    VELOCITY,
+    Parameter,
+    Place,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+)
 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: started, deflection (rad), velocity of the second body (rad/s). Steps are cut to follow the contact."""
-    half, ratio, omega, damping = 0.5 * parameters[0], parameters[1], 2.0 * math.pi * parameters[2], parameters[3]
+    half, ratio, omega, damping = (
+        0.5 * parameters[0],
+        parameters[1],
+        2.0 * math.pi * parameters[2],
+        parameters[3],
+    )
     carried = ratio * motion[INERTIA]
     motion[INERTIA] -= carried
     if state[0] == 0.0 or dt <= 0.0:
@@ -41,6 +55,11 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(carried * impulse / dt)
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    gaps = geometric(max(20.0 * survey.resolution, 1e-6 * survey.span), 0.03 * survey.span, 8)
+    return [{"gap": gap, "inertia_ratio": 0.3} for gap in gaps]
+
+
 TERM = Term(
     id="backlash",
     place=Place.BODY,
@@ -48,11 +67,14 @@ TERM = Term(
     parameters=(
         Parameter("gap", "rad", "full width of the gap", lower=0.0),
         Parameter("inertia_ratio", "", "share of the inertia behind the gap", lower=0.0, upper=0.99),
-        Parameter("contact_frequency", "Hz", "resonance of that share on the contact", lower=1e-3, default=50.0),
+        Parameter(
+            "contact_frequency", "Hz", "resonance of that share on the contact", lower=1e-3, default=50.0
+        ),
         Parameter("contact_damping", "", "damping ratio of the contact", lower=0.0, upper=0.99, default=0.1),
     ),
     kernel=torque,
     states=3,
     coordinate="time_since_reversal",
     subsystem="structure",
+    scan=scan,
 )

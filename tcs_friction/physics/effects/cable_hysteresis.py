@@ -1,14 +1,15 @@
 """Cable hysteresis: cables and hoses that drag along and slip, a Dahl element far wider than the bearing's bristles.
 
-    ds/dq = (1 - s sign(v)) / width,   x = amplitude s
+ds/dq = (1 - s sign(v)) / width,   x = amplitude s
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import TRAVEL, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import TRAVEL, Parameter, Place, Role, Survey, Term, geometric, kernel
 
 
 @kernel
@@ -19,6 +20,12 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
         steady = 1.0 if travel > 0.0 else -1.0
         state[0] = steady + (state[0] - steady) * math.exp(-abs(travel) / parameters[1])
     return float(parameters[0] * state[0])
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Widths from well above the bristles' to a third of the travel."""
+    lowest = max(5.0 * survey.bristle, 1e-3 * survey.span)
+    return [{"width": width} for width in geometric(lowest, max(0.3 * survey.span, 2.0 * lowest), 8)]
 
 
 TERM = Term(
@@ -33,4 +40,5 @@ TERM = Term(
     states=1,
     coordinate="time_since_reversal",
     subsystem="cable",
+    scan=scan,
 )

@@ -7,7 +7,6 @@ from typing import Any
 
 from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel
 
-
 HARMONICS = 4
 
 
@@ -26,7 +25,9 @@ def _harmonic(j: int) -> tuple[Parameter, Parameter]:
     suffix = "" if j == 1 else f"_{j}"
     default = None if j == 1 else 0.0
     return (
-        Parameter(f"amplitude{suffix}", "N m", f"amplitude of harmonic {j}", default=default, role=Role.LINEAR),
+        Parameter(
+            f"amplitude{suffix}", "N m", f"amplitude of harmonic {j}", default=default, role=Role.LINEAR
+        ),
         Parameter(f"phase{suffix}", "rad", f"phase of harmonic {j}", default=0.0, role=Role.PHASE),
     )
 
@@ -42,4 +43,5 @@ TERM = Term(
     kernel=torque,
     coordinate="position",
     subsystem="actuator",
+    periodic="position",
 )

@@ -17,7 +17,11 @@ TERM = Term(
     id="coulomb_asymmetry",
     place=Place.SCALE,
     form="level (1 + asymmetry sign(v)); sliding, x = asymmetry |F|",
-    parameters=(Parameter("asymmetry", "", "half the difference over the mean", lower=-0.95, upper=0.95, role=Role.LINEAR),),
+    parameters=(
+        Parameter(
+            "asymmetry", "", "half the difference over the mean", lower=-0.95, upper=0.95, role=Role.LINEAR
+        ),
+    ),
     kernel=scale,
     coordinate="direction",
 )

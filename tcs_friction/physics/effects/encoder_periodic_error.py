@@ -25,4 +25,5 @@ TERM = Term(
     kernel=error,
     coordinate="position",
     subsystem="sensor",
+    periodic="position",
 )

@@ -19,7 +19,9 @@ TERM = Term(
     form="x = linear s + squared s |s|",
     parameters=(
         Parameter("linear", "N m/1", "torque per unit of the signal", default=0.0, role=Role.LINEAR),
-        Parameter("squared", "N m/1^2", "torque per squared unit of the signal", default=0.0, role=Role.LINEAR),
+        Parameter(
+            "squared", "N m/1^2", "torque per squared unit of the signal", default=0.0, role=Role.LINEAR
+        ),
     ),
     kernel=torque,
     signals=1,

@@ -9,12 +9,22 @@ moves at constant velocity, for which the step below is exact.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import INERTIA, TRAVEL, VELOCITY, Parameter, Place, Term, kernel
-
-
 from numba import njit
+
+from tcs_friction.physics.terms import (
+    INERTIA,
+    TRAVEL,
+    VELOCITY,
+    Parameter,
+    Place,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+)
 
 
 @njit(cache=True, error_model="numpy")
@@ -42,7 +52,16 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     deflection, rate = oscillate(state[1], state[2] - shaft, omega, damping, dt)
     state[1] = deflection
     state[2] = shaft + rate
-    return float(-carried * (omega * omega * deflection + 2.0 * damping * omega * (state[2] - motion[VELOCITY])))
+    return float(
+        -carried * (omega * omega * deflection + 2.0 * damping * omega * (state[2] - motion[VELOCITY]))
+    )
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Resonances up to the highest frequency with a signal, for a small and a large second body."""
+    lowest = max(10.0 / survey.duration, 0.03 * survey.cutoff)
+    frequencies = geometric(lowest, 1.3 * survey.cutoff, 26)
+    return [{"frequency": f, "damping": 0.04, "inertia_ratio": r} for f in frequencies for r in (0.05, 0.3)]
 
 
 TERM = Term(
@@ -51,11 +70,19 @@ TERM = Term(
     form="ratio J on a spring: d'' + 2 damping w d' + w^2 d = -a, x = ratio J (a + d'')",
     parameters=(
         Parameter("frequency", "Hz", "free resonance, the peak of acceleration over torque", lower=1e-6),
-        Parameter("damping", "", "damping ratio of the second body with the shaft held", lower=0.0, upper=0.99, default=0.02),
+        Parameter(
+            "damping",
+            "",
+            "damping ratio of the second body with the shaft held",
+            lower=0.0,
+            upper=0.99,
+            default=0.02,
+        ),
         Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.99),
     ),
     kernel=torque,
     states=3,
     coordinate="frequency",
     subsystem="structure",
+    scan=scan,
 )

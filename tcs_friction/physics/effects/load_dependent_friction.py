@@ -17,7 +17,11 @@ TERM = Term(
     id="load_dependent_friction",
     place=Place.SCALE,
     form="level + coefficient |u|; sliding, x = coefficient |u| sign(v)",
-    parameters=(Parameter("coefficient", "", "friction torque per load torque", lower=-1.0, upper=1.0, role=Role.LINEAR),),
+    parameters=(
+        Parameter(
+            "coefficient", "", "friction torque per load torque", lower=-1.0, upper=1.0, role=Role.LINEAR
+        ),
+    ),
     kernel=scale,
     coordinate="torque",
 )

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Survey, Term, kernel
 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(parameters[0]) if motion[TIME] >= parameters[1] else 0.0
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [{"time": survey.start + survey.duration * (i + 1) / 61} for i in range(60)]
 
 
 TERM = Term(
@@ -23,4 +28,5 @@ TERM = Term(
     kernel=torque,
     coordinate="time",
     subsystem="environment",
+    scan=scan,
 )

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import DRY_SCALE, POSITION, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import (
+    DRY_SCALE,
+    POSITION,
+    Parameter,
+    Place,
+    Role,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+)
 
 
 @kernel
@@ -13,6 +24,16 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     distance = (motion[POSITION] - parameters[1]) / parameters[2]
     motion[DRY_SCALE] *= 1.0 + parameters[0] * math.exp(-distance * distance)
     return 0.0
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Six widths, centres one width apart (half a width for the widest)."""
+    low, high = survey.travel
+    starts = []
+    for width in geometric(survey.span / 200.0, survey.span / 6.0, 6):
+        count = int(survey.span / width) + 1
+        starts += [{"centre": low + (high - low) * i / count, "width": width} for i in range(count + 1)]
+    return starts
 
 
 TERM = Term(
@@ -26,4 +47,5 @@ TERM = Term(
     ),
     kernel=scale,
     coordinate="position",
+    scan=scan,
 )

@@ -25,4 +25,5 @@ TERM = Term(
     kernel=torque,
     coordinate="frequency",
     subsystem="environment",
+    periodic="time",
 )

@@ -26,4 +26,5 @@ TERM = Term(
     ),
     kernel=scale,
     coordinate="position",
+    periodic="position",
 )

@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 from tcs_friction.physics.terms import (
-    ACCELERATION,
     CYCLE,
     INERTIA,
     POSITION,
@@ -33,7 +32,9 @@ TERM = Term(
     place=Place.BODY,
     form="J (1 + amplitude cos(2 q + phase))",
     parameters=(
-        Parameter("amplitude", "", "relative variation of the inertia", lower=-0.95, upper=0.95, role=Role.LINEAR),
+        Parameter(
+            "amplitude", "", "relative variation of the inertia", lower=-0.95, upper=0.95, role=Role.LINEAR
+        ),
         Parameter("phase", "rad", "phase of the variation", default=0.0, role=Role.PHASE),
     ),
     kernel=torque,

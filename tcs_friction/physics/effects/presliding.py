@@ -5,12 +5,23 @@ The law's dry part is replaced by LuGre's bristle at the law's own level (paper 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, Parameter, Place, Term, kernel
-
-
 from tcs_friction.physics.friction.lugre import bristle_step
+from tcs_friction.physics.terms import (
+    DRY,
+    LEVEL,
+    MOBILISED,
+    TRAVEL,
+    VELOCITY,
+    Parameter,
+    Place,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+)
 
 
 @kernel
@@ -25,6 +36,17 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(motion[DRY] - before)
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Bristle travels from the position's noise to a tenth of the travel; without damping and with half the critical one."""
+    starts = []
+    for width in geometric(max(10.0 * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9):
+        stiffness = survey.level / width
+        starts += [
+            {"stiffness": stiffness, "damping": d * (stiffness * survey.inertia) ** 0.5} for d in (0.01, 1.0)
+        ]
+    return starts
+
+
 TERM = Term(
     id="presliding",
     place=Place.OPPOSING,
@@ -37,4 +59,5 @@ TERM = Term(
     states=1,
     coordinate="time_since_reversal",
     rank=-1,
+    scan=scan,
 )

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import EXTRA_LEVEL, VELOCITY, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import (
+    EXTRA_LEVEL,
+    VELOCITY,
+    Parameter,
+    Place,
+    Role,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+)
 
 
 @kernel
@@ -13,6 +24,13 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     ratio = motion[VELOCITY] / parameters[1]
     motion[EXTRA_LEVEL] += parameters[0] * math.exp(-ratio * ratio)
     return 0.0
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {"stribeck_velocity": v}
+        for v in geometric(max(survey.slow, 1e-4 * survey.fast), 0.3 * survey.fast, 8)
+    ]
 
 
 TERM = Term(
@@ -25,4 +43,5 @@ TERM = Term(
     ),
     kernel=scale,
     coordinate="velocity",
+    scan=scan,
 )

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import DRY_SCALE, TEMPERATURE, VISCOUS_SCALE, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import (
+    DRY_SCALE,
+    TEMPERATURE,
+    VISCOUS_SCALE,
+    Parameter,
+    Place,
+    Role,
+    Term,
+    kernel,
+)
 
 
 @kernel
@@ -20,9 +29,19 @@ TERM = Term(
     place=Place.SCALE,
     form="level (1 + dry (T - T0)), viscous part (1 + viscous (T - T0))",
     parameters=(
-        Parameter("dry", "1/degC", "relative change of dry friction per degree", default=0.0, role=Role.LINEAR),
-        Parameter("viscous", "1/degC", "relative change of viscous friction per degree", default=0.0, role=Role.LINEAR),
-        Parameter("reference_temperature", "degC", "T0, where the law's values hold", default=20.0, role=Role.FIXED),
+        Parameter(
+            "dry", "1/degC", "relative change of dry friction per degree", default=0.0, role=Role.LINEAR
+        ),
+        Parameter(
+            "viscous",
+            "1/degC",
+            "relative change of viscous friction per degree",
+            default=0.0,
+            role=Role.LINEAR,
+        ),
+        Parameter(
+            "reference_temperature", "degC", "T0, where the law's values hold", default=20.0, role=Role.FIXED
+        ),
     ),
     kernel=scale,
     temperature=True,

@@ -26,4 +26,5 @@ TERM = Term(
     kernel=torque,
     coordinate="position",
     subsystem="actuator",
+    periodic="position",
 )

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import TORQUE, Parameter, Place, Term, kernel
-
-
-from collections.abc import Mapping
+from tcs_friction.physics.terms import TORQUE, Parameter, Place, Survey, Term, geometric, kernel
 
 
 @kernel
@@ -32,6 +30,10 @@ def _ring(values: Mapping[str, float], dt: float) -> int:
     return 4 + math.ceil(values["delay"] / dt)
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [{"delay": delay} for delay in geometric(0.02 / survey.cutoff, 1.0 / survey.cutoff, 5)]
+
+
 TERM = Term(
     id="transport_delay",
     place=Place.DRIVE,
@@ -41,4 +43,5 @@ TERM = Term(
     states=_ring,
     coordinate="frequency",
     subsystem="timing",
+    scan=scan,
 )

@@ -16,7 +16,11 @@ TERM = Term(
     id="viscous_asymmetry",
     place=Place.OPPOSING,
     form="x = asymmetry |v|",
-    parameters=(Parameter("asymmetry", "N m s/rad", "half the difference of the viscous coefficients", role=Role.LINEAR),),
+    parameters=(
+        Parameter(
+            "asymmetry", "N m s/rad", "half the difference of the viscous coefficients", role=Role.LINEAR
+        ),
+    ),
     kernel=torque,
     coordinate="direction",
 )

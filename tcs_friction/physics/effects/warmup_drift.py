@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import DRY_SCALE, TIME, VISCOUS_SCALE, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import (
+    DRY_SCALE,
+    TIME,
+    VISCOUS_SCALE,
+    Parameter,
+    Place,
+    Role,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+)
 
 
 @kernel
@@ -16,15 +28,22 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return 0.0
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [{"time_constant": tau} for tau in geometric(survey.duration / 30.0, survey.duration, 7)]
+
+
 TERM = Term(
     id="warmup_drift",
     place=Place.SCALE,
     form="level (1 + dry exp(-t/time_constant)), viscous part (1 + viscous exp(-t/time_constant))",
     parameters=(
         Parameter("dry", "", "relative excess of dry friction at the start", default=0.0, role=Role.LINEAR),
-        Parameter("viscous", "", "relative excess of viscous friction at the start", default=0.0, role=Role.LINEAR),
+        Parameter(
+            "viscous", "", "relative excess of viscous friction at the start", default=0.0, role=Role.LINEAR
+        ),
         Parameter("time_constant", "s", "time in which the excess falls to 1/e", lower=1e-9),
     ),
     kernel=scale,
     coordinate="time",
+    scan=scan,
 )

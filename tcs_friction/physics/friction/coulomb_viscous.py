@@ -7,7 +7,18 @@ from typing import Any
 from numba import njit
 
 from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT, scaled
-from tcs_friction.physics.terms import ARREST, DRY, LEVEL, MOBILISED, VELOCITY, VISCOUS, VISCOUS_SCALE, Place, Term, kernel
+from tcs_friction.physics.terms import (
+    ARREST,
+    DRY,
+    LEVEL,
+    MOBILISED,
+    VELOCITY,
+    VISCOUS,
+    VISCOUS_SCALE,
+    Place,
+    Term,
+    kernel,
+)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,6 +1,6 @@
 """Dahl friction (Dahl 1976) with viscous friction: LuGre's bristle without Stribeck drop and without damping.
 
-    dz/dt = v - stiffness |v| / coulomb z,   F = stiffness z + viscous v
+dz/dt = v - stiffness |v| / coulomb z,   F = stiffness z + viscous v
 """
 
 from __future__ import annotations
@@ -8,7 +8,18 @@ from __future__ import annotations
 from typing import Any
 
 from tcs_friction.physics.friction.lugre import COULOMB, STIFFNESS, VISCOUS_COEFFICIENT, bristle_step, scaled
-from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, VISCOUS_SCALE, Place, Term, kernel
+from tcs_friction.physics.terms import (
+    DRY,
+    LEVEL,
+    MOBILISED,
+    TRAVEL,
+    VELOCITY,
+    VISCOUS,
+    VISCOUS_SCALE,
+    Place,
+    Term,
+    kernel,
+)
 
 
 @kernel

@@ -16,7 +16,22 @@ from typing import Any
 
 from numba import njit
 
-from tcs_friction.physics.terms import DRY, DRY_SCALE, EXTRA_LEVEL, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, VISCOUS_SCALE, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import (
+    DRY,
+    DRY_SCALE,
+    EXTRA_LEVEL,
+    LEVEL,
+    MOBILISED,
+    TRAVEL,
+    VELOCITY,
+    VISCOUS,
+    VISCOUS_SCALE,
+    Parameter,
+    Place,
+    Role,
+    Term,
+    kernel,
+)
 
 
 @njit(cache=True, error_model="numpy")
@@ -60,7 +75,9 @@ def warnings(values: Mapping[str, float]) -> list[str]:
     """Conditions the values break: static above Coulomb, and the passivity of Barahona and Canudas de Wit (2000)."""
     found = []
     if values["static"] < values["coulomb"]:
-        found.append(f"static ({values['static']:g}) is below coulomb ({values['coulomb']:g}): friction rises with speed")
+        found.append(
+            f"static ({values['static']:g}) is below coulomb ({values['coulomb']:g}): friction rises with speed"
+        )
     needed = values["damping"] * (values["static"] - values["coulomb"]) / values["coulomb"]
     if values["viscous"] < needed:
         found.append(
@@ -72,10 +89,14 @@ def warnings(values: Mapping[str, float]) -> list[str]:
 
 COULOMB = Parameter("coulomb", "N m", "friction torque of steady sliding", lower=1e-12)
 STATIC = Parameter("static", "N m", "largest friction torque before sliding", lower=1e-12)
-STRIBECK_VELOCITY = Parameter("stribeck_velocity", "rad/s", "velocity over which static falls to coulomb", lower=1e-12)
+STRIBECK_VELOCITY = Parameter(
+    "stribeck_velocity", "rad/s", "velocity over which static falls to coulomb", lower=1e-12
+)
 STIFFNESS = Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9)
 DAMPING = Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0)
-VISCOUS_COEFFICIENT = Parameter("viscous", "N m s/rad", "viscous coefficient, sigma2", lower=0.0, role=Role.LINEAR)
+VISCOUS_COEFFICIENT = Parameter(
+    "viscous", "N m s/rad", "viscous coefficient, sigma2", lower=0.0, role=Role.LINEAR
+)
 
 TERM = Term(
     id="lugre",
