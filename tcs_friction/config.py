@@ -23,6 +23,7 @@ from tcs_friction.control.compensator import CompensatorConfig
 from tcs_friction.control.config_field import from_mapping
 from tcs_friction.control.dob import DobConfig
 from tcs_friction.control.loop import LoopConfig
+from tcs_friction.control.observer import NominalPlant
 from tcs_friction.control.pid import PidConfig
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis, Drive, Sensors
@@ -45,6 +46,23 @@ class Control:
     observer: DobConfig = field(default_factory=DobConfig)
     compensator: CompensatorConfig = field(default_factory=CompensatorConfig)
     loop: LoopConfig = field(default_factory=LoopConfig)
+
+
+def default_control(axis: Axis) -> Control:
+    """A cautious controller for an axis whose file has no control block: gains in proportion to the inertia.
+
+    The speed loop crosses over at about 60 rad/s, the position loop at 20 rad/s; only the drive limits torque.
+    """
+    controller = PidConfig(
+        position_proportional=20.0,
+        velocity_proportional=60.0 * axis.inertia,
+        velocity_integral=1000.0 * axis.inertia,
+        inertia_feedforward=axis.inertia,
+        velocity_limit=1e6,
+        torque_limit=min(axis.drive.limit, 1e12),
+    )
+    plant = NominalPlant(first=axis.inertia)
+    return Control(controller, DobConfig(plant, actuation_delay=min(axis.actuation_delay, 0.1)))
 
 
 @dataclass(frozen=True)
@@ -91,8 +109,12 @@ def load_axis(path: Path) -> AxisFile:
     if "axis" not in content:
         raise InputError(where, "no axis block", "axis: {name, inertia, friction, ...}")
     axis = parse_axis(content["axis"], where)
-    signals = SignalMap.from_mapping(content["signals"], where) if content.get("signals") is not None else None
-    control = parse_control(content["control"], f"{where}: control") if content.get("control") is not None else None
+    signals = (
+        SignalMap.from_mapping(content["signals"], where) if content.get("signals") is not None else None
+    )
+    control = (
+        parse_control(content["control"], f"{where}: control") if content.get("control") is not None else None
+    )
     return AxisFile(axis, signals, control)
 
 
@@ -102,7 +124,9 @@ def parse_axis(value: object, where: str = "axis") -> Axis:
     block = mapping(value, where, AXIS_KEYS)
     for key in ("inertia", "friction"):
         if key not in block:
-            raise InputError(where, f"{key} is missing", "a positive number" if key == "inertia" else "a friction law")
+            raise InputError(
+                where, f"{key} is missing", "a positive number" if key == "inertia" else "a friction law"
+            )
     return Axis(
         name=str(block.get("name", "axis")),
         inertia=_number(block["inertia"], f"{where}: inertia"),
@@ -118,14 +142,24 @@ def parse_axis(value: object, where: str = "axis") -> Axis:
 def parse_control(value: object, where: str = "control") -> Control:
     """The `control:` block."""
     block = mapping(value, where, tuple(entry.name for entry in fields(Control)))
-    kinds = {"controller": PidConfig, "observer": DobConfig, "compensator": CompensatorConfig, "loop": LoopConfig}
-    parts = {name: from_mapping(kinds[name], mapping(part, f"{where}: {name}"), f"{where}: {name}") for name, part in block.items()}
+    kinds = {
+        "controller": PidConfig,
+        "observer": DobConfig,
+        "compensator": CompensatorConfig,
+        "loop": LoopConfig,
+    }
+    parts = {
+        name: from_mapping(kinds[name], mapping(part, f"{where}: {name}"), f"{where}: {name}")
+        for name, part in block.items()
+    }
     return Control(**parts)  # type: ignore[arg-type]
 
 
 def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        hint = "a number (write 1.0e3: YAML reads 1e3 as text)" if isinstance(value, str) else "a finite number"
+        hint = (
+            "a number (write 1.0e3: YAML reads 1e3 as text)" if isinstance(value, str) else "a finite number"
+        )
         raise InputError(where, repr(value), hint)
     return float(value)
 
@@ -170,7 +204,9 @@ def _parse_effect(value: object, where: str) -> Instance:
     term = effect(str(block["effect"]), where)
     parameters = mapping(block.get("parameters") or {}, f"{where} {term.id}: parameters")
     values = {name: _numeric(entry) for name, entry in parameters.items()}
-    table = _parse_table(block["table"], f"{where} {term.id}: table") if block.get("table") is not None else None
+    table = (
+        _parse_table(block["table"], f"{where} {term.id}: table") if block.get("table") is not None else None
+    )
     signal = str(block["signal"]) if block.get("signal") is not None else None
     return instance(term, values, f"{where} {term.id}", signal, table)
 
@@ -182,10 +218,21 @@ def _parse_table(value: object, where: str) -> Table:
         coordinates = tuple(str(name) for name in block["coordinates"])
         lower, upper = (tuple(float(x) for x in block[key]) for key in ("lower", "upper"))
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(where, f"cannot be read ({error!r})", "coordinates, lower, upper and a grid of values") from None
+        raise InputError(
+            where, f"cannot be read ({error!r})", "coordinates, lower, upper and a grid of values"
+        ) from None
     dimensions = {values.ndim, len(coordinates), len(lower), len(upper)}
-    if len(dimensions) != 1 or values.ndim not in (1, 2) or not np.isfinite(values).all() or min(values.shape) < 2:
-        raise InputError(where, f"values of shape {values.shape} over {coordinates}", "a finite grid over one or two coordinates")
+    if (
+        len(dimensions) != 1
+        or values.ndim not in (1, 2)
+        or not np.isfinite(values).all()
+        or min(values.shape) < 2
+    ):
+        raise InputError(
+            where,
+            f"values of shape {values.shape} over {coordinates}",
+            "a finite grid over one or two coordinates",
+        )
     if not all(high > low for low, high in zip(lower, upper, strict=True)):
         raise InputError(where, f"range {lower} to {upper}", "lower below upper")
     return Table(coordinates, lower, upper, values)

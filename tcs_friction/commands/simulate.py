@@ -1,0 +1,160 @@
+"""Simulate an axis, its effects and its controller, and write what a recorder would have recorded.
+
+The control block of the axis file says how it is controlled (without one: a cautious controller for its
+inertia), its signals block where in the bag the signals go.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcs_friction.config import AxisFile, Control, default_control, load_axis
+from tcs_friction.control.loop import LoopConfig, LoopRun, simulate_loop, ticks
+from tcs_friction.control.reference import Reference, load_reference
+from tcs_friction.errors import InputError
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.recording.write import write_recording
+
+Array = NDArray[np.float64]
+
+ROOM_TEMPERATURE = 20.0  # degC
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument(
+        "axis", type=Path, metavar="AXIS.yaml", help="the axis: what it is, how it is controlled"
+    )
+    parser.add_argument(
+        "--reference", type=Path, required=True, metavar="REF.yaml", help="where it should be when"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="BAG", help="bag to write")
+    parser.add_argument("--seed", type=int, default=0, help="of torque and encoder noise (default 0)")
+    parser.add_argument(
+        "--surroundings",
+        type=Path,
+        metavar="BAG",
+        help="recording that temperature and exogenous signals are taken from (default: 20 degC and zero)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Simulate, write the bag, say what came out."""
+    file = load_axis(arguments.axis)
+    reference = load_reference(arguments.reference)
+    if arguments.output.exists():
+        raise InputError(str(arguments.output), "exists already", "a new name for the bag")
+    if arguments.seed < 0:
+        raise InputError("--seed", str(arguments.seed), "a whole number from 0")
+    control = file.control or default_control(file.axis)
+    signals = file.signals or default_signals(file.axis.name)
+    temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings)
+    notes = [*file.axis.warnings(), *notes]
+    loop = simulate_loop(
+        file.axis,
+        reference,
+        control.controller,
+        control.loop,
+        control.observer,
+        control.compensator,
+        arguments.seed,
+        temperature,
+        {name: exogenous[name] for name in wanted_signals(file)},
+    )
+    recording = recorded(loop, temperature, exogenous)
+    write_recording(arguments.output, recording, signals)
+    _tell(arguments, loop, control, signals, notes)
+
+
+def default_signals(axis: str) -> SignalMap:
+    """Where the node graph would have put the signals."""
+    joint = f"/{axis}/joint_states"
+    return SignalMap(
+        position=SignalSource(joint, "position", axis),
+        torque=SignalSource(joint, "effort", axis),
+        velocity=SignalSource(joint, "velocity", axis),
+        reference=SignalSource(f"/{axis}/reference", "position"),
+    )
+
+
+def wanted_signals(file: AxisFile) -> tuple[str, ...]:
+    """Names of the exogenous signals that the axis' effects act on, each once."""
+    tables = [item.table.coordinates for item in file.axis.effects if item.table is not None]
+    prefix = "exogenous:"
+    mapped = [name.removeprefix(prefix) for names in tables for name in names if name.startswith(prefix)]
+    named = [item.signal for item in file.axis.effects if item.signal is not None]
+    return tuple(dict.fromkeys([*named, *mapped]))
+
+
+def surroundings(
+    file: AxisFile, reference: Reference, loop: LoopConfig, bag: Path | None
+) -> tuple[Array, dict[str, Array], list[str]]:
+    """Temperature (n,), each exogenous signal (n,) that axis or bag needs, and notes on what was assumed."""
+    times = ticks(reference, loop)
+    names = dict.fromkeys([*wanted_signals(file), *(file.signals.exogenous if file.signals else ())])
+    found: dict[str, Array] = {}
+    temperature = np.full(len(times), ROOM_TEMPERATURE)
+    if bag is not None:
+        if file.signals is None:
+            raise InputError("--surroundings", "no signals block in the axis file", "where the signals are")
+        (source,) = read_recordings([bag], file.signals)
+        found = {name: np.interp(times, source.t, values) for name, values in source.exogenous.items()}
+        if source.temperature is not None:
+            temperature = np.interp(times, source.t, source.temperature)
+    notes = [
+        f"effect signal {name} is taken as 0 (--surroundings BAG gives it)"
+        for name in wanted_signals(file)
+        if name not in found
+    ]
+    if bag is None and any(item.term.temperature for item in file.axis.effects):
+        notes.append(f"temperature is taken as {ROOM_TEMPERATURE:g} degC (--surroundings BAG gives it)")
+    return temperature, {name: found.get(name, np.zeros(len(times))) for name in names}, notes
+
+
+def recorded(loop: LoopRun, temperature: Array, exogenous: Mapping[str, Array]) -> Recording:
+    """What a recorder beside the axis would have: measured motion, torque, reference, surroundings."""
+    return Recording(
+        t=loop.t,
+        position=loop.position,
+        torque=loop.torque,
+        velocity=loop.velocity,
+        temperature=temperature,
+        reference=loop.reference,
+        exogenous=exogenous,
+        source="simulation",
+    )
+
+
+def _tell(
+    arguments: argparse.Namespace, loop: LoopRun, control: Control, signals: SignalMap, notes: list[str]
+) -> None:
+    rms = float(np.sqrt(np.mean(loop.error**2)))
+    if arguments.json:
+        result: dict[str, Any] = {
+            "bag": str(arguments.output),
+            "samples": len(loop.t),
+            "duration": float(loop.t[-1]),
+            "period": control.loop.period,
+            "tracking_rms": rms,
+            "signals": signals.to_mapping(),
+            "notes": notes,
+        }
+        print(json.dumps(result))
+        return
+    for line in notes:
+        print(f"tcs-friction: {line}", file=sys.stderr)
+    topics = ", ".join(signals.topics)
+    print(
+        f"{arguments.output}: {loop.t[-1]:g} s, {len(loop.t)} samples, tracking error {rms:.3g} rms; {topics}"
+    )
