@@ -1,0 +1,1 @@
+"""Identification: friction laws, inertia and plant from recordings."""

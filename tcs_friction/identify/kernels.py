@@ -37,30 +37,37 @@ def falling_exponential(x: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)
-def squared_errors(velocity: Any, travel: Any, carry: Any, target: Any, weight: Any, population: Any, out: Any) -> None:
-    """Sum of squared errors of each LuGre parameter set: `population` (m, 6) as in `physics.friction.lugre`, `out` (m,)."""
+def squared_errors(
+    velocity: Any, travel: Any, carry: Any, acceleration: Any, target: Any, weight: Any, population: Any, out: Any
+) -> None:
+    """Sum of squared errors (eq. 5, twice) of each candidate, `out` (m,).
+
+    `population` (m, 8): LuGre's parameters as in `physics.friction.lugre`, then inertia and offset.
+    """
     L = LANES
     count = population.shape[0]
     for block in prange((count + L - 1) // L):
-        w = np.zeros(8 * L)  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness, damping, viscous, Z, sum
+        w = np.zeros(10 * L)  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum
         for j in range(L):
             p = population[min(block * L + j, count - 1)]
             w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
-            w[3 * L + j], w[4 * L + j], w[5 * L + j] = p[3], p[4], p[5]
+            for k in range(3, 8):
+                w[k * L + j] = p[k]
         for i in range(len(velocity)):
             v, speed, square = velocity[i], abs(velocity[i]), velocity[i] * velocity[i]
             moved, direction = -abs(travel[i]), math.copysign(1.0, travel[i])
-            kept, aim, share = carry[i], target[i], weight[i]
+            kept, a, aim, share = carry[i], acceleration[i], target[i], weight[i]
             for j in range(L):
                 level = w[j] + w[L + j] * falling_exponential(square * w[2 * L + j])
                 inverse = 1.0 / level
                 steady = direction * level
-                bristle = steady + (kept * w[6 * L + j] - steady) * falling_exponential(w[3 * L + j] * moved * inverse)
-                w[6 * L + j] = bristle
-                error = bristle + w[4 * L + j] * (v - speed * inverse * bristle) + w[5 * L + j] * v - aim
-                w[7 * L + j] += share * error * error
+                bristle = steady + (kept * w[8 * L + j] - steady) * falling_exponential(w[3 * L + j] * moved * inverse)
+                w[8 * L + j] = bristle
+                torque = bristle + w[4 * L + j] * (v - speed * inverse * bristle) + w[5 * L + j] * v
+                error = torque + w[6 * L + j] * a + w[7 * L + j] - aim
+                w[9 * L + j] += share * error * error
         for j in range(min(L, count - block * L)):
-            out[block * L + j] = w[7 * L + j]
+            out[block * L + j] = w[9 * L + j]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)

@@ -1,0 +1,116 @@
+"""Identify inertia, friction and offset of an axis from bags.
+
+Writes DIR/identification.json, DIR/axis.yaml (the axis with the identified friction), pictures and DIR/report.html.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
+from tcs_friction.errors import InputError, JobError
+from tcs_friction.identify.comparison import Comparison, compare_laws
+from tcs_friction.identify.identification import METHODS, IdentifyOptions, identified_axis, identify
+from tcs_friction.identify.pso_ga import Generation
+from tcs_friction.identify.result import Identification
+from tcs_friction.physics.registry import law as law_named
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.recording import Recording
+
+ALL = "all"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings, one data set with common physics")
+    parser.add_argument("--axis", required=True, type=Path, help="axis file: what is believed, and where the signals are")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
+    parser.add_argument("--law", help="friction law to fit instead of the axis file's; all: compare them on held-out data")
+    parser.add_argument("--method", choices=METHODS, default="default", help="default: swarm, then Levenberg-Marquardt")
+    parser.add_argument("--hold-inertia", action="store_true", help="keep the axis file's inertia")
+    parser.add_argument("--no-offset", action="store_true", help="allow no constant torque")
+    parser.add_argument("--loss", choices=("squares", "huber"), default="squares", help="huber: outliers count less")
+    parser.add_argument("--bandwidth", type=float, metavar="HZ", help="of the low pass; by default from the position's noise")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true", help="print the result on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    file = load_axis(arguments.axis)
+    if file.signals is None:
+        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
+    options = IdentifyOptions(
+        hold_inertia=arguments.hold_inertia, offset=not arguments.no_offset, loss=arguments.loss, bandwidth=arguments.bandwidth
+    )
+    if arguments.law not in (None, ALL):
+        law_named(arguments.law, "--law")
+    recordings = read_recordings(arguments.bags, file.signals)
+    progress = _progress if sys.stderr.isatty() else _silent
+    comparison = None
+    if arguments.law == ALL:
+        comparison = compare_laws(recordings, file.axis, arguments.seed, progress, options=options)
+        found = comparison.best
+    else:
+        found = identify(
+            recordings, file.axis, arguments.method, arguments.law, arguments.seed, progress, options=options
+        )
+    if sys.stderr.isatty():
+        print("\r\033[K", end="", file=sys.stderr)
+    _write(arguments.output, file, recordings, found, comparison)
+    content = _content(found, comparison)
+    print(json.dumps(content, allow_nan=False) if arguments.json else _summary(arguments.output, found, comparison))
+    if not any(item.determined for item in found.parameters.values()):
+        raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", "a recording with reversals and several speeds")
+    return 0
+
+
+def _silent(_: Generation) -> None:
+    """No progress into a pipe."""
+
+
+def _progress(generation: Generation) -> None:
+    print(f"\r\033[K{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}", end="", file=sys.stderr, flush=True)
+
+
+def _content(found: Identification, comparison: Comparison | None) -> dict[str, object]:
+    extra = {"laws": comparison.to_mapping()} if comparison else {}
+    return {**found.to_mapping(), **extra}
+
+
+def _write(
+    directory: Path, file: AxisFile, recordings: tuple[Recording, ...], found: Identification, comparison: Comparison | None
+) -> None:
+    """All results; the report last, since it names the others."""
+    axis = identified_axis(file.axis, found)
+    comment = f"Friction identified by tcs-friction ({found.law}, {found.method}, seed {found.seed})."
+    text = json.dumps(_content(found, comparison), indent=2, allow_nan=False) + "\n"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        write_whole(directory / "identification.json", text)
+        save_axis(directory / "axis.yaml", replace(file, axis=axis), comment)
+    except OSError as error:
+        raise InputError(str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to") from None
+    try:
+        from tcs_friction.report.identification import write_report
+    except ModuleNotFoundError:
+        return
+    write_report(directory, found, recordings, comparison)
+
+
+def _summary(directory: Path, found: Identification, comparison: Comparison | None) -> str:
+    rows = {**found.parameters, "inertia": found.inertia, "offset": found.offset}
+    width = max(map(len, rows))
+    lines = [f"{found.law} ({found.method}, {found.outcome.value}, {found.seconds:.1f} s)"]
+    for name, item in rows.items():
+        shown = f"{item.value:12.6g} ± {item.std:.2g} {item.unit}" if item.determined else f"  undetermined: {item.reason}"
+        lines.append(f"  {name:{width}}  {shown}")
+    errors = found.rmse
+    lines.append(f"residual {errors.train:.4g} train, {errors.held_out:.4g} held out; noise at least {found.noise_floor:.4g} {found.offset.unit}")
+    if comparison:
+        lines += ["", f"{'law':18} {'held out':>10} {'train':>10} {'parameters':>10}"]
+        lines += [f"{row.law:18} {row.held_out:10.4g} {row.train:10.4g} {row.parameters:10d}" for row in comparison.rows]
+    lines.append(str(directory / "identification.json"))
+    return "\n".join(lines)

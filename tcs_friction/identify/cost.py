@@ -1,0 +1,319 @@
+"""What a global search minimises: half the squared torque errors (eq. 5) of candidates in a box around what the data can mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from tcs_friction.identify import kernels
+from tcs_friction.identify.models import AnyModel
+from tcs_friction.identify.motion import Motion
+from tcs_friction.identify.problem import Problem
+from tcs_friction.physics.terms import Parameter, Role
+
+SEARCH_POINTS = 6000  # a global search looks at about so many
+FAR = 1e30  # travel that saturates any bristle
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The search box. names; lower and upper (d,); logarithmic (d,): searched by order of magnitude."""
+
+    names: tuple[str, ...]
+    lower: np.ndarray
+    upper: np.ndarray
+    logarithmic: np.ndarray
+
+    def values(self, position: np.ndarray) -> np.ndarray:
+        """(m, d) or (d,) in the unit box -> values."""
+        safe = np.where(self.logarithmic, self.lower, 1.0)
+        ratio = np.where(self.logarithmic, self.upper, 1.0) / safe
+        return np.where(self.logarithmic, safe * ratio**position, self.lower + (self.upper - self.lower) * position)
+
+    def position(self, values: np.ndarray) -> np.ndarray:
+        """(m, d) or (d,) values -> the unit box, clipped."""
+        safe = np.where(self.logarithmic, self.lower, 1.0)
+        ratio = np.where(self.logarithmic, self.upper / np.maximum(self.lower, 1e-300), np.e)
+        positive = np.maximum(np.where(self.logarithmic, values, 1.0), 1e-300)
+        span = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)
+        return np.clip(np.where(self.logarithmic, np.log(positive / safe) / np.log(ratio), (values - self.lower) / span), 0.0, 1.0)
+
+
+class SearchCost(Protocol):
+    """A cost over the unit box of `box`, and the whole vector of unknowns that a position stands for."""
+
+    box: Box
+
+    def __call__(self, position: np.ndarray) -> np.ndarray: ...
+
+    def unknowns(self, position: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """A motion thinned for searching, each (n,): the travel between kept samples is summed, so that bristles see all of it."""
+
+    velocity: np.ndarray
+    travel: np.ndarray
+    carry: np.ndarray
+    acceleration: np.ndarray
+    target: np.ndarray
+    weight: np.ndarray
+
+
+def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
+    """At most about `points` samples, but at least four per cycle of the motion's bandwidth."""
+    motion = problem.motion
+    stride = max(1, len(motion) // points)
+    if motion.bandwidth > 0.0:
+        stride = min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth))))
+    moved = np.cumsum(motion.travel)
+    kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
+    index = np.concatenate(kept)
+    first = np.cumsum([0, *(len(k) for k in kept[:-1])])
+    travel = np.diff(moved[index], prepend=moved[index[0]])
+    carry = np.ones(len(index))
+    carry[first] = 0.0
+    starting = motion.velocity[index[first]]
+    travel[first] = np.where(np.abs(starting) > motion.resolution, np.copysign(FAR, starting), 0.0)
+    weight = _weights_at(problem, index)
+    velocity, acceleration = motion.velocity[index], motion.acceleration[index]
+    return Points(velocity, travel, carry, acceleration, problem.rotor[index], weight)
+
+
+def _weights_at(problem: Problem, index: np.ndarray) -> np.ndarray:
+    """Weights of the compared samples next to `index`; nothing counts where no compared sample is near (filtered ends)."""
+    centres = problem.thin.centres
+    nearest = np.clip(np.searchsorted(centres, index), 0, len(centres) - 1)
+    near = np.abs(centres[nearest] - index) <= problem.thin.stride
+    return np.where(near, problem.weights[nearest], 0.0)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of things in the data, from which boxes follow: torque N m, velocity rad/s, slowest velocity, travel rad."""
+
+    torque: float
+    velocity: float
+    slow: float
+    travel: float
+
+
+def scales(problem: Problem, inertia: float) -> Scales:
+    """Robust sizes of the friction (torque less inertia), velocity and travel."""
+    motion = problem.motion
+    friction = problem.rotor - inertia * motion.acceleration
+    friction = friction - np.median(friction) if motion.reverses else friction
+    torque = max(float(np.quantile(np.abs(friction), 0.99)), 1e-12)
+    velocity = max(float(np.abs(motion.velocity).max()), 1e-12)
+    travel = max(float(np.ptp(motion.position)), 1e-12)
+    return Scales(torque, velocity, max(motion.resolution, 1e-3 * velocity), travel)
+
+
+def law_box(parameters: tuple[Parameter, ...], size: Scales) -> Box:
+    """Bounds of a law's parameters from their units and the sizes in the data, within their declared bounds."""
+    ranges: Mapping[str, tuple[float, float, bool]] = {
+        "N m": (0.02 * size.torque, 3.0 * size.torque, True),
+        "rad/s": (size.slow, 0.6 * size.velocity, True),
+        "rad": (1e-5 * size.travel, size.travel, True),
+        "N m/rad": (0.3 * size.torque / size.travel, 3e4 * size.torque / size.travel, True),
+        "N m s/rad": (0.0, 3.0 * size.torque / size.velocity, False),
+        "s": (0.1 * size.travel / size.velocity * 1e-3, 10.0 * size.travel / size.velocity, True),
+    }
+    rows = []
+    for parameter in parameters:
+        default = parameter.default if parameter.default is not None else 0.0
+        fallback = (max(parameter.lower, default - 1.0), min(parameter.upper, default + 1.0), False)
+        lower, upper, logarithmic = ranges.get(parameter.unit, fallback)
+        if parameter.name == "damping":  # up to a well damped bristle at the slowest motion
+            upper = size.torque / size.slow
+        rows.append((max(lower, parameter.lower), max(min(upper, parameter.upper), lower), logarithmic))
+    lower, upper, logarithmic = (np.array(column) for column in zip(*rows, strict=True))
+    return Box(tuple(p.name for p in parameters), lower, upper, logarithmic.astype(bool))
+
+
+class ShapeCost:
+    """LuGre by variable projection: only presliding distance, static/coulomb and Stribeck velocity are searched.
+
+    Coulomb torque, damping, viscous coefficient, inertia and offset enter linearly and are solved for, none of
+    the first four below zero.
+    """
+
+    def __init__(self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray) -> None:
+        self._points = thinned(problem)
+        self._used = np.array([True, True, True, free_inertia, free_offset])
+        self._start = start
+        known = 0.0 if free_inertia else start[problem.inertia_index]
+        offset = 0.0 if free_offset else start[problem.offset_index]
+        self._target = self._points.target - known * self._points.acceleration - offset
+        self._power = float(self._points.weight @ self._target**2)
+        size = scales(problem, float(start[problem.inertia_index]))
+        lower = np.array([1e-5 * size.travel, 1.0, size.slow])
+        upper = np.array([size.travel, 6.0, 0.6 * size.velocity])
+        self.box = Box(("distance", "ratio", "stribeck_velocity"), lower, upper, np.full(3, True))
+
+    def _solved(self, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Linear coefficients (m, 5) and costs (m,)."""
+        p = self._points
+        sums = np.empty((len(shapes), kernels.GRAM))
+        kernels.normal_equations(
+            p.velocity, p.travel, p.carry, p.acceleration, self._target, p.weight, np.ascontiguousarray(shapes), sums
+        )
+        gram = np.zeros((len(shapes), 5, 5))
+        rows, columns = np.triu_indices(5)
+        gram[:, rows, columns] = gram[:, columns, rows] = sums[:, :15]
+        coefficients = _nonnegative(gram, sums[:, 15:], np.broadcast_to(self._used, (len(shapes), 5)))
+        quadratic = np.einsum("mi,mij,mj->m", coefficients, gram, coefficients)
+        costs = 0.5 * (self._power - 2.0 * np.einsum("mi,mi->m", coefficients, sums[:, 15:]) + quadratic)
+        return coefficients, np.where(coefficients[:, 0] > 0.0, np.maximum(costs, 0.0), np.inf)
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return self._solved(self.box.values(position))[1]
+
+    def unknowns(self, position: np.ndarray) -> np.ndarray:
+        distance, ratio, stribeck = self.box.values(position)
+        coulomb, damping, viscous, inertia, offset = self._solved(np.array([[distance, ratio, stribeck]]))[0][0]
+        result = self._start.copy()
+        result[:6] = coulomb, ratio * coulomb, stribeck, coulomb / distance, damping, viscous
+        if self._used[3]:
+            result[6] = inertia
+        if self._used[4]:
+            result[7] = offset
+        return result
+
+
+def _nonnegative(gram: np.ndarray, right: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Least-squares coefficients (m, 5); those of the first four columns that would be negative are held at zero."""
+    size = np.sqrt(np.maximum(np.einsum("mii->mi", gram), 1e-300))
+    scaled = gram / size[:, :, None] / size[:, None, :]
+    used = used.copy()
+    signed = np.array([True, True, True, True, False])
+    solution = np.zeros_like(right)
+    for _ in range(3):
+        both = used[:, :, None] & used[:, None, :]
+        system = np.where(both, scaled, 0.0) + np.eye(5) * np.where(used, 1e-12, 1.0)[:, :, None]
+        solution = np.linalg.solve(system, np.where(used, right / size, 0.0)[:, :, None])[:, :, 0]
+        negative = used & signed & (solution < 0.0)
+        if not negative.any():
+            break
+        used &= ~negative
+    return np.where(used & ~(signed & (solution < 0.0)), solution, 0.0) / size
+
+
+class LuGreCost:
+    """The paper's cost: all six LuGre parameters (and inertia and offset where they are free) are searched."""
+
+    def __init__(
+        self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray, box: Box | None = None,
+        points: int = SEARCH_POINTS,
+    ) -> None:  # fmt: skip
+        self._points = thinned(problem, points)
+        self._start = start
+        size = scales(problem, float(start[problem.inertia_index]))
+        law = box or law_box(problem.axis.friction.term.parameters, size)
+        names, lower, upper = list(law.names), list(law.lower), list(law.upper)
+        logarithmic = list(law.logarithmic)
+        if free_inertia:
+            names.append("inertia")
+            lower.append(0.2 * start[problem.inertia_index])
+            upper.append(5.0 * start[problem.inertia_index])
+            logarithmic.append(True)
+        if free_offset:
+            names.append("offset")
+            lower.append(-size.torque)
+            upper.append(size.torque)
+            logarithmic.append(False)
+        self.box = Box(tuple(names), np.array(lower), np.array(upper), np.array(logarithmic))
+        self._columns = [problem.names.index(name) for name in names]
+
+    def costs(self, candidates: np.ndarray) -> np.ndarray:
+        """Eq. 5 for candidates (m, 8): law parameters, inertia, offset."""
+        p, out = self._points, np.empty(len(candidates))
+        kernels.squared_errors(
+            p.velocity, p.travel, p.carry, p.acceleration, p.target, p.weight, np.ascontiguousarray(candidates), out
+        )
+        return 0.5 * out
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        candidates = np.tile(self._start[:8], (len(position), 1))
+        candidates[:, self._columns] = self.box.values(position)
+        return self.costs(candidates)
+
+    def unknowns(self, position: np.ndarray) -> np.ndarray:
+        result = self._start.copy()
+        result[self._columns] = self.box.values(position)
+        return result
+
+
+class AnyCost:
+    """Any law: parameters are searched except those the torque is proportional to, which are solved for with inertia and offset."""
+
+    def __init__(self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray) -> None:
+        motion = _coarse(problem.motion, 2 * SEARCH_POINTS // 3)
+        self._index, motion = motion
+        self._model = AnyModel(problem.axis, motion)
+        self._start, self._problem = start, problem
+        self._weight = _weights_at(problem, self._index)
+        parameters = problem.axis.friction.term.parameters
+        linear = [p.role is Role.LINEAR for p in parameters]
+        self._searched = [k for k, one in enumerate(linear) if not one and parameters[k].role is not Role.FIXED]
+        self._linear = [k for k, one in enumerate(linear) if one]
+        held = [] if free_inertia else [problem.inertia_index]
+        held += [] if free_offset else [problem.offset_index]
+        self._solved = [*self._linear, *(k for k in (problem.inertia_index, problem.offset_index) if k not in held)]
+        fixed = {problem.inertia_index: motion.acceleration, problem.offset_index: np.ones(len(motion))}
+        self._fixed = fixed
+        self._target = problem.rotor[self._index] - sum(start[k] * fixed[k] for k in held)
+        size = scales(problem, float(start[problem.inertia_index]))
+        self.box = law_box(tuple(parameters[k] for k in self._searched), size)
+        self._unit = size.torque / size.velocity
+
+    def _fit(self, position: np.ndarray) -> tuple[np.ndarray, float]:
+        unknowns = self._start.copy()
+        unknowns[self._searched] = self.box.values(position)
+        law = unknowns[: self._problem.law_size].copy()
+        law[self._linear] = 0.0
+        torque = self._model.torque(law, np.zeros(0))
+        columns = []
+        for k in self._solved:
+            if k in self._fixed:
+                columns.append(self._fixed[k])
+            else:
+                law[k] = self._unit
+                columns.append((self._model.torque(law, np.zeros(0)) - torque) / self._unit)
+                law[k] = 0.0
+        root = np.sqrt(self._weight)
+        aim = root * (self._target - torque)
+        if columns:
+            design = root[:, None] * np.column_stack(columns)
+            size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+            coefficients = np.linalg.lstsq(design / size, aim, rcond=1e-10)[0] / size
+            signed = np.array([k != self._problem.offset_index for k in self._solved])
+            coefficients = np.where(signed, np.maximum(coefficients, 0.0), coefficients)
+            unknowns[self._solved] = coefficients
+            aim = aim - design @ coefficients
+        return unknowns, 0.5 * float(aim @ aim)
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return np.array([self._fit(one)[1] for one in position])
+
+    def unknowns(self, position: np.ndarray) -> np.ndarray:
+        return self._fit(position)[0]
+
+
+def _coarse(motion: Motion, points: int) -> tuple[np.ndarray, Motion]:
+    """Every so-many-th sample of a motion, and which; not fewer than four per cycle of its bandwidth."""
+    stride = max(1, len(motion) // points)
+    if motion.bandwidth > 0.0:
+        stride = min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth))))
+    kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
+    index = np.concatenate(kept)
+    bounds = np.concatenate([[0], np.cumsum([len(k) for k in kept])]).astype(np.int64)
+    columns = {name: getattr(motion, name)[index] for name in ("t", "position", "velocity", "acceleration", "torque")}
+    temperature = None if motion.temperature is None else motion.temperature[index]
+    exogenous = {name: values[index] for name, values in motion.exogenous.items()}
+    coarse = replace(motion, **columns, bounds=bounds, rate=motion.rate / stride, temperature=temperature, exogenous=exogenous)
+    return index, coarse

@@ -1,0 +1,153 @@
+"""The local end of a fit, and which parameters the data cannot determine, with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tcs_friction.identify.problem import Problem
+from tcs_friction.identify.refine import Refined, Space, refine
+from tcs_friction.identify.start import with_sliding_states
+from tcs_friction.identify.uncertainty import sandwich
+
+LARGEST_RELATIVE = 0.5  # relative standard deviation above which a number would mean nothing
+NEGLIGIBLE = 0.02  # of the torque's size: a parameter whose uncertainty matters less is known well enough
+PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts:
+    """refined: the final fit. space: with what could not be determined held. reasons: index of unknown -> why it is undetermined."""
+
+    refined: Refined
+    space: Space
+    reasons: Mapping[int, str]
+    evaluations: int
+    notes: tuple[str, ...]
+
+
+def judge(
+    problem: Problem,
+    unknowns: np.ndarray,
+    space: Space,
+    believed: Mapping[str, float],
+    loss: str,
+    polish: bool,
+    cancel: Callable[[], bool] = lambda: False,
+) -> Verdicts:
+    """Refine from `unknowns` (p,), hold what the data do not determine at what is believed (or found), and refine again.
+
+    `polish` False leaves the numbers where the search put them and only judges.
+    """
+    reasons: dict[int, str] = _beforehand(problem, space)
+    unknowns = with_sliding_states(problem, unknowns)
+    evaluations = 0
+    size = float(np.std(problem.target)) or 1.0
+    for _ in range(4):
+        held = np.isin(np.arange(len(unknowns)), list(reasons))
+        unknowns = _with_believed(problem, unknowns, reasons, believed)
+        current = space.holding(held)
+        refined = refine(
+            problem.linearised, problem.torque, problem.target, problem.weights, unknowns, current, loss,
+            iterations=60 if polish else 0, cancel=cancel,
+        )  # fmt: skip
+        evaluations += refined.evaluations
+        unknowns = refined.unknowns.copy()
+        more = _undetermined(problem, refined, current, size)
+        if not more:
+            break
+        reasons.update(more)
+        reasons.update(_companions(problem, reasons))
+    return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons))
+
+
+def _beforehand(problem: Problem, space: Space) -> dict[int, str]:
+    """What the motion rules out without a fit."""
+    reasons: dict[int, str] = {}
+    motion, names = problem.motion, problem.names
+    if motion.measured:
+        reasons[problem.inertia_index] = "friction estimates hold no inertia"
+    elif not space.free[problem.inertia_index]:
+        reasons[problem.inertia_index] = "held at the axis file's value"
+    if not space.free[problem.offset_index]:
+        reasons[problem.offset_index] = "held at zero"
+    if not motion.reverses:
+        reasons[problem.offset_index] = "the recording never reverses, so a constant torque cannot be told from Coulomb torque"
+        for name in PRESLIDING:
+            if name in names:
+                reasons[names.index(name)] = "the recording never reverses"
+    return reasons
+
+
+def _with_believed(
+    problem: Problem, unknowns: np.ndarray, reasons: Mapping[int, str], believed: Mapping[str, float]
+) -> np.ndarray:
+    result = unknowns.copy()
+    for k in reasons:
+        if k == problem.inertia_index:
+            result[k] = problem.axis.inertia
+        elif k == problem.offset_index:
+            result[k] = 0.0
+        elif problem.names[k] in believed:
+            result[k] = believed[problem.names[k]]
+        elif problem.names[k] == "static":
+            result[k] = result[problem.names.index("coulomb")]
+        elif problem.names[k] == "damping":
+            result[k] = 0.0
+    return result
+
+
+def _companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:
+    """What means nothing without its companion: the static torque without the velocity of the drop, bristle damping without stiffness."""
+    names = problem.names
+    pairs = (("stribeck_velocity", "static"), ("static", "stribeck_velocity"), ("stiffness", "damping"))
+    known = [(names.index(one), names.index(other)) for one, other in pairs if one in names and other in names]
+    return {other: reasons[one] for one, other in known if one in reasons and other not in reasons}
+
+
+def _undetermined(problem: Problem, refined: Refined, space: Space, size: float) -> dict[int, str]:
+    """The least determined unknown of a fit, if it means nothing: one at a time, since holding one may save the others."""
+    index = np.flatnonzero(space.free)
+    if not len(index):
+        return {}
+    covariance = sandwich(refined.jacobian[:, index], refined.residual, refined.weights)
+    worst, which = LARGEST_RELATIVE, -1
+    for k, variance in zip(index, np.diag(covariance), strict=True):
+        if k >= problem.law_size + 1:
+            continue
+        value = abs(refined.unknowns[k])
+        if space.logarithmic[k] and not space.lower[k] * 1.001 < value < space.upper[k] / 1.001:
+            return {int(k): _reason(problem, int(k), refined)}
+        acting = float(np.abs(refined.jacobian[:, k]).max())
+        std = float(np.sqrt(max(variance, 0.0)))
+        if acting * max(value, std) < 1e-6 * size:
+            return {int(k): _reason(problem, int(k), refined)}
+        matters = space.logarithmic[k] or acting * std > NEGLIGIBLE * size
+        relative = std / max(value, 1e-300)
+        if matters and relative > worst:
+            worst, which = relative, int(k)
+    return {which: _reason(problem, which, refined)} if which >= 0 else {}
+
+
+def _reason(problem: Problem, k: int, refined: Refined) -> str:
+    name = problem.names[k]
+    if name == "inertia":
+        return "the axis hardly accelerates"
+    if name in ("stribeck_velocity", "static", "exponent"):
+        motion = problem.motion
+        sliding = np.abs(motion.velocity[np.abs(motion.velocity) > motion.resolution])
+        slow = float(np.quantile(sliding, 0.02)) if len(sliding) else 0.0
+        unit = "rad/s" if problem.axis.kind == "rotary" else "m/s"
+        return f"no drop from static to Coulomb torque shows; slowest sliding is about {slow:.3g} {unit}"
+    if name in PRESLIDING:
+        return "its share of the torque at reversals does not rise above the residual"
+    return "its effect on the torque does not rise above the residual"
+
+
+def _notes(problem: Problem, reasons: Mapping[int, str]) -> tuple[str, ...]:
+    notes = []
+    if problem.inertia_index not in reasons:
+        notes.append("inertia and torque constant cannot be told apart: all torques are in units of the logged torque")
+    return tuple(notes)

@@ -1,0 +1,133 @@
+"""The result of an identification, as data and as `identification.json`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from tcs_friction.identify.refine import Outcome
+
+SCHEMA = "tcs_friction/identification/1"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One identified number.
+
+    `value` of an undetermined parameter is the one that was held while the others were fitted; the file says null.
+    """
+
+    value: float
+    std: float
+    unit: str
+    determined: bool = True
+    reason: str | None = None
+
+    def to_mapping(self) -> dict[str, Any]:
+        return {
+            "value": _number(self.value) if self.determined else None,
+            "std": _number(self.std) if self.determined else None,
+            "unit": self.unit,
+            "determined": self.determined,
+            "reason": self.reason,
+        }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of the torque residual, N m; held_out: samples that the fit behind this number never saw."""
+
+    train: float
+    held_out: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The compared samples, for pictures; each (m,): t s, velocity rad/s, torque measured and modelled N m, and the friction parts of both."""
+
+    t: np.ndarray
+    velocity: np.ndarray
+    measured: np.ndarray
+    modelled: np.ndarray
+    friction_measured: np.ndarray
+    friction_modelled: np.ndarray
+    bounds: np.ndarray  # (s + 1,) where each stretch starts
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(m,) N m."""
+        return self.measured - self.modelled
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What was identified, how well, and how.
+
+    parameters: of the law, by their names in the axis file. directions: the same for motion one way only ("positive", "negative"),
+    without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns. bound: least standard
+    deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
+    history: best cost per generation of the global search. outcome: how the search ended.
+    """
+
+    law: str
+    method: str
+    parameters: Mapping[str, Estimate]
+    inertia: Estimate
+    offset: Estimate
+    directions: Mapping[str, Mapping[str, Estimate]]
+    rmse: Errors
+    noise_floor: float
+    cost: float
+    evaluations: int
+    seconds: float
+    outcome: Outcome
+    history: np.ndarray
+    fit: Fit
+    correlation: tuple[tuple[str, ...], np.ndarray]
+    bound: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 0
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("parameters", "directions", "bound"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def friction(self, direction: str | None = None) -> dict[str, float]:
+        """Values of every parameter of the law, for one direction or both together; undetermined ones as they were held."""
+        chosen = {**self.parameters, **(self.directions.get(direction, {}) if direction else {})}
+        return {name: estimate.value for name, estimate in chosen.items()}
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The content of `identification.json`."""
+        names, matrix = self.correlation
+        return {
+            "schema": SCHEMA,
+            "law": self.law,
+            "method": self.method,
+            "parameters": {name: item.to_mapping() for name, item in self.parameters.items()},
+            "inertia": self.inertia.to_mapping(),
+            "offset": self.offset.to_mapping(),
+            "directions": {
+                way: {name: item.to_mapping() for name, item in found.items()} for way, found in self.directions.items()
+            },
+            "rmse": {"train": _number(self.rmse.train), "held_out": _number(self.rmse.held_out)},
+            "noise_floor": _number(self.noise_floor),
+            "cost": _number(self.cost),
+            "evaluations": self.evaluations,
+            "seconds": self.seconds,
+            "seed": self.seed,
+            "outcome": self.outcome.value,
+            "cramer_rao": {name: _number(value) for name, value in self.bound.items()},
+            "correlation": {"names": list(names), "matrix": [[round(float(x), 6) for x in row] for row in matrix]},
+            "history": [float(x) for x in self.history],
+            "notes": list(self.notes),
+        }

@@ -1,0 +1,47 @@
+"""Where a fit begins and where its unknowns may go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tcs_friction.identify.cost import law_box, scales
+from tcs_friction.identify.problem import MOST_INITIAL_STATES, Problem
+from tcs_friction.identify.refine import Space
+from tcs_friction.physics.terms import Role
+
+
+def believed_start(problem: Problem) -> np.ndarray:
+    """Unknowns (p,) as believed: the axis' values, no offset, stretches that start in motion with sliding friction."""
+    values = problem.axis.friction.values
+    law = [values[p.name] for p in problem.axis.friction.term.parameters]
+    motion = problem.motion
+    starting = motion.velocity[motion.bounds[:-1]]
+    level = values.get("coulomb", 0.0)
+    initial = np.where(np.abs(starting) > motion.resolution, np.sign(starting) * level, 0.0)
+    return np.array([*law, problem.axis.inertia, 0.0, *initial])
+
+
+def with_sliding_states(problem: Problem, unknowns: np.ndarray) -> np.ndarray:
+    """The same unknowns with the initial bristle torque of stretches that start in motion at the law's Coulomb torque."""
+    result = unknowns.copy()
+    names = problem.names
+    if "coulomb" in names:
+        starting = problem.motion.velocity[problem.motion.bounds[:-1]]
+        moving = np.abs(starting) > problem.motion.resolution
+        result[problem.law_size + 2 :] = np.where(moving, np.sign(starting) * unknowns[names.index("coulomb")], 0.0)
+    return result
+
+
+def space_of(problem: Problem, free_inertia: bool, free_offset: bool) -> Space:
+    """Bounds within which the data can tell a parameter; positive ones move by factors; initial bristle torques are free where they can be."""
+    parameters = problem.axis.friction.term.parameters
+    states = len(problem.motion.bounds) - 1
+    free_states = hasattr(problem.model, "_bounds") and states <= MOST_INITIAL_STATES
+    box = law_box(parameters, scales(problem, problem.axis.inertia))
+    lower = np.array([*np.where(box.logarithmic, box.lower, [p.lower for p in parameters]), 1e-300, -np.inf, *[-np.inf] * states])
+    upper = np.array([*np.where(box.logarithmic, box.upper, [p.upper for p in parameters]), np.inf, np.inf, *[np.inf] * states])
+    logarithmic = np.array([*(p.lower > 0.0 for p in parameters), True, False, *[False] * states])
+    free = np.array(
+        [*(p.role is not Role.FIXED for p in parameters), free_inertia, free_offset, *[free_states] * states]
+    )
+    return Space(lower, upper, logarithmic, free)

@@ -1,0 +1,98 @@
+"""How well the data determine what was fitted: covariance that survives coloured residuals, bounds, and what cannot be determined."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LEAST_EFFECT = 1e-7  # of the largest column: below, a parameter does not act at all
+
+
+def correlation_length(residual: np.ndarray) -> int:
+    """Samples after which the residual (m,) has forgotten itself: three times its integrated correlation time, at most m/8."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    length = len(residual)
+    if power <= 0.0 or length < 16:
+        return 1
+    spectrum = np.abs(np.fft.rfft(centred, 2 * length)) ** 2
+    correlation = np.fft.irfft(spectrum)[: length // 2] / power
+    below = np.flatnonzero(correlation < 2.0 / np.sqrt(length))
+    end = int(below[0]) if len(below) else length // 2
+    integrated = 0.5 + float(correlation[1:end].sum())
+    return int(np.clip(6.0 * integrated, 1, length // 8))
+
+
+def sandwich(jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Covariance (p, p) of least-squares estimates whose residuals are correlated (Newey and West 1987).
+
+    jacobian (m, p), residual (m,), weights (m,) of the (robust) fit. The lag window follows from the residual's own correlation.
+    """
+    counted = weights > 0.0
+    slopes, errors, emphasis = jacobian[counted], residual[counted], weights[counted]
+    size = np.maximum(np.sqrt(np.sum(emphasis[:, None] * slopes**2, axis=0)), 1e-140)
+    slopes = slopes / size
+    bread = np.linalg.pinv(slopes.T @ (emphasis[:, None] * slopes), rcond=1e-13, hermitian=True)
+    scores = slopes * (emphasis * errors)[:, None]
+    meat = scores.T @ scores
+    lags = correlation_length(errors)
+    for lag in range(1, lags + 1):
+        product = scores[lag:].T @ scores[:-lag]
+        meat += (1.0 - lag / (lags + 1.0)) * (product + product.T)
+    count, parameters = slopes.shape
+    covariance = bread @ meat @ bread * count / max(count - parameters, 1)
+    result: np.ndarray = covariance / np.outer(size, size)
+    return result
+
+
+def cramer_rao(jacobian: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Least covariance (p, p) any unbiased estimate can have when the errors are Gaussian with this autocovariance.
+
+    jacobian (m, p); noise (k,) autocovariance of the compared samples at lags 0, 1, ... (zero beyond).
+    """
+    from scipy.linalg import solve_toeplitz
+
+    count = len(jacobian)
+    column = np.zeros(count)
+    column[: min(count, len(noise))] = noise[:count]
+    column[0] *= 1.0 + 1e-9
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-140)
+    slopes = jacobian / size
+    information = slopes.T @ solve_toeplitz(column, slopes)
+    result: np.ndarray = np.linalg.pinv(information, hermitian=True) / np.outer(size, size)
+    return result
+
+
+def correlations(covariance: np.ndarray) -> np.ndarray:
+    """(p, p) correlation matrix."""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-140))
+    result: np.ndarray = covariance / np.outer(deviation, deviation)
+    return result
+
+
+def block_bootstrap(
+    jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray, seed: int, draws: int = 400
+) -> np.ndarray:
+    """Covariance (p, p) by resampling blocks of residuals (Kuensch 1989), the model taken as linear around the estimate."""
+    random = np.random.default_rng(seed)
+    counted = weights > 0.0
+    slopes, errors, emphasis = jacobian[counted], residual[counted], weights[counted]
+    size = np.maximum(np.sqrt(np.sum(emphasis[:, None] * slopes**2, axis=0)), 1e-140)
+    scaled = slopes / size
+    bread = np.linalg.pinv(scaled.T @ (emphasis[:, None] * scaled), hermitian=True)
+    block = max(2, correlation_length(errors))
+    count = len(errors)
+    pieces = -(-count // block)
+    starts = random.integers(0, max(count - block, 1), (draws, pieces))
+    index = (starts[:, :, None] + np.arange(block)).reshape(draws, -1)[:, :count] % count
+    deviations = (errors[index] * emphasis) @ scaled @ bread
+    result: np.ndarray = np.cov(deviations, rowvar=False).reshape(len(size), len(size)) / np.outer(size, size)
+    return result
+
+
+def noise_floor(residual: np.ndarray) -> float:
+    """Standard deviation of what no smooth function of the motion can explain: from fourth differences of samples in time.
+
+    A lower bound when the noise is coloured.
+    """
+    differences = np.diff(residual, 2)
+    return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(6.0)) if len(differences) else 0.0
