@@ -36,6 +36,8 @@ class Setting:
 
     def problem(self, value: object) -> tuple[str, str] | None:
         """What is wrong with a value and what was expected, or None when it may be used."""
+        if isinstance(self.default, str) and not self.options:
+            return None if isinstance(value, str) else (repr(value), "a text")
         if isinstance(self.default, str):
             return None if value in self.options else (repr(value), "one of " + ", ".join(self.options))
         if isinstance(self.default, bool):
@@ -71,6 +73,11 @@ def choice(default: str, options: Sequence[str], description: str) -> Any:
     if default not in options:
         raise ValueError(f"default {default!r} of a setting is not one of {', '.join(options)}")
     return field(default=default, metadata={_KEY: ("", None, None, description, tuple(options))})
+
+
+def text(default: str, description: str) -> Any:
+    """A setting that is any text, such as the path of a file."""
+    return field(default=default, metadata={_KEY: ("", None, None, description, ())})
 
 
 def settings(config: type[Any] | Any) -> tuple[Setting, ...]:

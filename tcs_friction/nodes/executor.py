@@ -1,0 +1,64 @@
+"""Running nodes: the executor, the main function of every node, clean ends."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.task import Future
+
+from tcs_friction.errors import TcsError
+
+
+def make_executor() -> Any:
+    """The events executor where it exists: 6 to 14 times faster than the other in one process."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def spin(executor: Any, done: Future | None = None) -> None:
+    """Spin until shutdown or until `done` is complete.
+
+    The events executor of some releases hangs in a spin without a time limit, hence the long ones; and it looks
+    at the time only when it has nothing else to do.
+    """
+    done = done or Future()
+    try:
+        while rclpy.ok() and not done.done():
+            executor.spin_until_future_complete(done, timeout_sec=3600.0)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except rclpy_implementation.RCLError:
+        if rclpy.ok():  # otherwise a callback was publishing when the shutdown came
+            raise
+
+
+def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+    """Make nodes, run them on one executor until a signal, and return the exit status."""
+    rclpy.init(args=list(sys.argv if args is None else args))
+    nodes: list[Node] = []
+    try:
+        executor = make_executor()
+        for factory in factories:
+            nodes.append(factory())
+            executor.add_node(nodes[-1])
+        gc.collect()
+        gc.freeze()  # a collection of everything imported would take several control periods
+        spin(executor)
+    except TcsError as error:
+        print(f"tcs-friction: {error}", file=sys.stderr)
+        return error.exit_status
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

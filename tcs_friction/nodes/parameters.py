@@ -1,0 +1,82 @@
+"""ROS parameters of a frozen configuration: its settings declare descriptors, and a change is applied whole or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar, cast
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from tcs_friction.control.config_field import Setting, parts, settings, validate
+from tcs_friction.errors import InputError
+
+Config = TypeVar("Config")
+
+
+def flatten(config: Any, prefix: str = "") -> dict[str, tuple[Setting, Any]]:
+    """Every setting of a configuration with its value, by parameter name; nested ones are `part.name`."""
+    flat = {prefix + entry.name: (entry, getattr(config, entry.name)) for entry in settings(config)}
+    for name in parts(config):
+        flat.update(flatten(getattr(config, name), f"{prefix}{name}."))
+    return flat
+
+
+def changed(config: Config, changes: Mapping[str, Any]) -> Config:
+    """The configuration with the named settings changed; whole numbers serve where numbers are meant."""
+    own: dict[str, Any] = {}
+    for entry in settings(config):
+        if entry.name in changes:
+            value = changes[entry.name]
+            own[entry.name] = float(value) if isinstance(entry.default, float) and type(value) is int else value
+    for part in parts(config):
+        inner = {name.partition(".")[2]: value for name, value in changes.items() if name.startswith(f"{part}.")}
+        if inner:
+            own[part] = changed(getattr(config, part), inner)
+    return cast(Config, replace(cast(Any, config), **own))
+
+
+def descriptor(entry: Setting) -> ParameterDescriptor:
+    """What `ros2 param describe` shows: description with unit, range, options."""
+    unit = f" [{entry.unit}]" if entry.unit else ""
+    described = ParameterDescriptor(description=entry.description + unit)
+    if entry.options:
+        described.additional_constraints = "one of " + ", ".join(entry.options)
+    elif isinstance(entry.default, float):
+        described.floating_point_range = [FloatingPointRange(from_value=entry.lower, to_value=entry.upper)]
+        described.dynamic_typing = True  # so that 10 may be written for 10.0; other types are refused by the setting
+    elif isinstance(entry.default, int) and not isinstance(entry.default, bool):
+        described.integer_range = [IntegerRange(from_value=int(entry.lower or 0), to_value=int(entry.upper or 0))]
+    return described
+
+
+def declare(node: Node, config: Config) -> Config:
+    """Declares every setting with the configuration's value as default; returns the configuration with what the user gave.
+
+    Raises InputError naming the node, the parameter, what was found and what was expected.
+    """
+    given: dict[str, Any] = {}
+    for name, (entry, value) in flatten(config).items():
+        try:
+            given[name] = node.declare_parameter(name, value, descriptor(entry)).value
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise InputError(f"{node.get_name()}: parameter {name}", str(error)) from None
+    result = changed(config, given)
+    validate(result, f"{node.get_name()}: parameters")
+    return result
+
+
+def as_parameters(config: Any) -> list[Parameter]:
+    """A configuration's settings as ROS parameters."""
+    return [Parameter(name, value=value) for name, (_, value) in flatten(config).items()]
+
+
+def with_parameters(config: Config, parameters: Sequence[Parameter], where: str) -> Config:
+    """The configuration after a change of parameters; raises InputError with the reason when it would be bad."""
+    known = flatten(config)
+    result = changed(config, {item.name: item.value for item in parameters if item.name in known})
+    validate(result, where)
+    return result

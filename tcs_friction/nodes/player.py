@@ -1,0 +1,219 @@
+"""Plays a bag: its messages at their times, on their topics, with their quality of service, and the clock with them.
+
+Services ~/pause and ~/resume. With `clock_rate` the bag's time is published on /clock, for nodes that use simulated time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from tcs_friction.control.config_field import setting, switch, text
+from tcs_friction.errors import InputError, TcsError
+from tcs_friction.nodes import parameters
+from tcs_friction.nodes.bag_topics import message_class, publisher_profile
+from tcs_friction.nodes.executor import run
+from tcs_friction.recording.bags import Bag
+from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.play import Message, first_time, in_log_order
+from tcs_friction.recording.signals import nearest
+
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class PlayerConfig:
+    """What to play, and how."""
+
+    bag: str = text("", "bag to play")
+    topics: str = text("", "topics to play, separated by blanks; empty for all")
+    rate: float = setting(1.0, "1", 0.001, 1000.0, "how many times faster than it was recorded")
+    loop: bool = switch(False, "begin anew at the end")
+    start_offset: float = setting(0.0, "s", 0.0, 1e9, "leave out so much at the beginning")
+    delay: float = setting(1.0, "s", 0.0, 3600.0, "wait before the first message, for subscribers to be found")
+    paused: bool = switch(False, "wait for ~/resume before the first message")
+    clock_rate: float = setting(0.0, "Hz", 0.0, 10000.0, "publish /clock so often (of wall time); 0 for never")
+
+
+class Pace:
+    """When a time of the bag is due on the wall clock; stands still while paused. Times of the bag in ns, else s."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate = rate
+        self._changed = threading.Condition()
+        self._paused_at: float | None = None
+        self._origin = 0.0
+        self._begin = 0
+        self.stopped = False
+
+    def start(self, begin: int) -> None:
+        """`begin` is due now."""
+        with self._changed:
+            self._origin, self._begin = time.monotonic(), begin
+            if self._paused_at is not None:
+                self._paused_at = self._origin
+
+    def pause(self) -> None:
+        """Stand still."""
+        with self._changed:
+            if self._paused_at is None:
+                self._paused_at = time.monotonic()
+                self._changed.notify_all()
+
+    def resume(self) -> None:
+        """Go on where it stood."""
+        with self._changed:
+            if self._paused_at is not None:
+                self._origin += time.monotonic() - self._paused_at
+                self._paused_at = None
+                self._changed.notify_all()
+
+    def stop(self) -> None:
+        """Nothing is due any more."""
+        with self._changed:
+            self.stopped = True
+            self._changed.notify_all()
+
+    def bag_time(self) -> int:
+        """The bag's time now."""
+        now = time.monotonic() if self._paused_at is None else self._paused_at
+        return self._begin + int((now - self._origin) * self.rate * SECOND)
+
+    def wait(self, due: int) -> bool:
+        """Return when a time of the bag is due: True, or False when stopped."""
+        while not self.stopped:
+            if self._paused_at is None:
+                left = self._origin + (due - self._begin) / (self.rate * SECOND) - time.monotonic()
+                if left <= 0.0:
+                    return True
+            with self._changed:
+                if self._paused_at is not None:
+                    self._changed.wait(0.1)
+                elif left > 0.0 and not self.stopped:
+                    self._changed.wait(left)
+        return False
+
+
+class PlayerNode(Node):
+    """One thread publishes at the bag's pace; the executor serves pause and resume. The settings hold from the start on."""
+
+    def __init__(self) -> None:
+        super().__init__("player", enable_rosout=False)
+        self._config = parameters.declare(self, PlayerConfig())
+        if not self._config.bag:
+            raise InputError("player: parameter bag", "is empty", "the bag to play")
+        self._bag = Bag(Path(self._config.bag))
+        self._topics = self._config.topics.split() or None
+        self._publishers: dict[Channel, Publisher | None] = {}
+        self.count = 0
+        self.pace = Pace(self._config.rate)
+        if self._config.paused:
+            self.pace.pause()
+        self._first = first_time(self._bag, self._topics)
+        if not self._first:
+            known = [channel.topic for channel in self._bag.channels]
+            wanted = self._config.topics
+            raise InputError(f"{self._config.bag}", f"no message on {wanted or 'any topic'}", nearest(wanted, known))
+        self.create_service(Trigger, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/resume", self._on_resume)
+        self._clock = self.create_publisher(Clock, "/clock", 10) if self._config.clock_rate else None
+        self._thread = threading.Thread(target=self._play, daemon=True)
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        """Stop playing."""
+        self.pace.stop()
+        self._thread.join()
+        super().destroy_node()
+
+    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.pace.pause()
+        response.success = True
+        return response
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.pace.resume()
+        response.success = True
+        return response
+
+    def _play(self) -> None:
+        """The thread: everything once, or over and over."""
+        try:
+            self._announce()
+            begin = self._first + int(self._config.start_offset * SECOND)
+            again = True
+            while again and not self.pace.stopped:
+                self.pace.start(begin)
+                played = self._play_once(in_log_order(self._bag, self._topics, begin))
+                again = self._config.loop and played > 0
+            for note in self._bag.notes:
+                self.get_logger().warning(note)
+        except TcsError as error:
+            self.get_logger().error(str(error))
+        if not self.pace.stopped:
+            self.get_logger().info(f"played {self.count} messages to the end")
+            rclpy.try_shutdown()
+
+    def _announce(self) -> None:
+        """Make the publishers of the bag's first seconds, then leave subscribers time to find them."""
+        for _, channel, _ in self._head():
+            self._publisher(channel)
+        self.pace.start(0)
+        end = int(self._config.delay * SECOND * self._config.rate)
+        if not self._config.paused:
+            self.pace.wait(end)
+
+    def _head(self) -> Iterator[Message]:
+        for message in in_log_order(self._bag, self._topics):
+            if message[0] > self._first + SECOND:
+                return
+            yield message
+
+    def _play_once(self, messages: Iterator[Message]) -> int:
+        step = int(SECOND * self._config.rate / self._config.clock_rate) if self._clock else 0
+        tick = 0
+        played = 0
+        for due, channel, payload in messages:
+            while step and (tick := tick or due) <= due:
+                if not self.pace.wait(tick):
+                    return played
+                self._publish_clock(tick)
+                tick += step
+            if not self.pace.wait(due):
+                return played
+            publisher = self._publisher(channel)
+            if publisher is not None:
+                publisher.publish(payload)
+                played += 1
+        self.count += played
+        return played
+
+    def _publish_clock(self, now: int) -> None:
+        assert self._clock is not None
+        self._clock.publish(Clock(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
+
+    def _publisher(self, channel: Channel) -> Any:
+        if channel not in self._publishers:
+            kind = message_class(channel.msgtype)
+            if kind is None or channel.encoding != "cdr":
+                self.get_logger().warning(f"{channel.topic} is not played: {channel.msgtype} ({channel.encoding}) not installed")
+                self._publishers[channel] = None
+            else:
+                self._publishers[channel] = self.create_publisher(kind, channel.topic, publisher_profile(channel.qos))
+        return self._publishers[channel]
+
+
+def main() -> int:
+    """Run the node."""
+    return run(PlayerNode)

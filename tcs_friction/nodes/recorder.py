@@ -1,0 +1,107 @@
+"""Records topics as they come, raw, into a bag that survives the death of this process.
+
+What limits it: taking a message from the middleware costs 25 to 30 us, writing it 3 us.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+
+from tcs_friction.control.config_field import choice, setting, text
+from tcs_friction.nodes import parameters
+from tcs_friction.nodes.bag_topics import (
+    installed_definition,
+    message_class,
+    profiles_text,
+    subscription_profile,
+)
+from tcs_friction.nodes.executor import run
+from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.record import BagRecorder, definition_text
+
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RecorderConfig:
+    """What to record, and into what."""
+
+    bag: str = text("", "directory to write; empty for recording_DATE_TIME here")
+    topics: str = text("", "topics to record, separated by blanks; empty for all")
+    compression: str = choice("none", ("none", "lz4", "zstd"), "compression of the chunks of the file")
+    split_size: float = setting(0.0, "MB", 0.0, 1e6, "begin a new file at this size; 0 for never")
+    split_duration: float = setting(0.0, "s", 0.0, 1e6, "begin a new file after this time; 0 for never")
+    flush_period: float = setting(0.5, "s", 0.01, 1.0, "what is older than this survives when the process is killed")
+    discovery_period: float = setting(0.2, "s", 0.01, 10.0, "how often to look for new topics")
+
+
+class RecorderNode(Node):
+    """Subscribes to topics as they appear; a message is never deserialised. The settings hold from the start on."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder", enable_rosout=False)  # its last words come after the end of the context
+        config = parameters.declare(self, RecorderConfig())
+        path = Path(config.bag or time.strftime("recording_%Y%m%d_%H%M%S"))
+        compression = "" if config.compression == "none" else config.compression
+        size, span = int(config.split_size * 1e6), int(config.split_duration * SECOND)
+        self.bag = BagRecorder(path, compression, size, span)
+        self.lost = 0
+        self._wanted = {self.resolve_topic_name(name) for name in config.topics.split()}
+        self._seen: set[str] = set()
+        self._now: Callable[[], int] = time.time_ns
+        if self.get_parameter("use_sim_time").value:
+            self._now = lambda: int(self.get_clock().now().nanoseconds)
+        self.create_timer(config.discovery_period, self._discover)
+        self.create_timer(config.flush_period, self.bag.flush)
+        self.get_logger().info(f"recording into {path}")
+        self._discover()
+
+    def destroy_node(self) -> None:
+        """Finish the bag and say what is in it."""
+        self.bag.close()
+        counts = ", ".join(f"{topic} {count}" for topic, count in self.bag.counts.items()) or "nothing"
+        lost = f"; {self.lost} messages lost on the way here" if self.lost else ""
+        self.get_logger().info(f"recorded {counts}{lost}")
+        super().destroy_node()
+
+    def _discover(self) -> None:
+        for topic, kinds in self.get_topic_names_and_types():
+            if topic not in self._seen and (topic in self._wanted or not self._wanted):
+                offered = self.get_publishers_info_by_topic(topic)
+                if offered:
+                    self._seen.add(topic)
+                    self._subscribe(topic, kinds[0], offered)
+
+    def _subscribe(self, topic: str, msgtype: str, offered: list[Any]) -> None:
+        kind = message_class(msgtype)
+        if kind is None:
+            self.get_logger().warning(f"{topic} is not recorded: package of {msgtype} not installed")
+            return
+        profiles = [endpoint.qos_profile for endpoint in offered]
+        definition = definition_text(msgtype, installed_definition)
+        if not definition:
+            self.get_logger().warning(f"{topic} is recorded without the definition of {msgtype}, which was not found")
+        channel = Channel(topic, msgtype, "cdr", definition, "ros2msg", profiles_text(profiles))
+        number = self.bag.add_topic(channel, str(offered[0].topic_type_hash))
+        write, now = self.bag.write, self._now
+        events = SubscriptionEventCallbacks(message_lost=self._on_lost)
+        profile = subscription_profile(profiles)
+        self.create_subscription(
+            kind, topic, lambda raw: write(number, now(), raw), profile, event_callbacks=events, raw=True
+        )
+
+    def _on_lost(self, event: Any) -> None:
+        self.lost += event.total_count_change
+        self.get_logger().warning(f"{self.lost} messages lost on the way to the recorder", throttle_duration_sec=1.0)
+
+
+def main() -> int:
+    """Run the node."""
+    return run(RecorderNode)
