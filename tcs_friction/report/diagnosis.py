@@ -41,6 +41,7 @@ from tcs_friction.report.html import (
     table,
     write_page,
 )
+from tcs_friction.report.numbers import with_error
 
 SIGNIFICANT = 0.01
 """p-value below which the atlas calls a coordinate one where the residual lives."""
@@ -305,7 +306,7 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     rows: list[Sequence[str | Cell]] = []
     for entry in diagnosis["effects"]:
         values = "; ".join(
-            f"{name} {_with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip()
+            f"{name} {with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip()
             for name, p in entry["parameters"].items()
         )
         rows.append(
@@ -327,15 +328,3 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         "cannot be told from",
     ]
     return table(head, rows)
-
-
-def _with_error(value: float, std: float | None) -> str:
-    """Value with its standard error at a sensible number of digits.
-
-    >>> _with_error(72.0013, 0.012), _with_error(0.5, None)
-    ('72.001 ± 0.012', '0.5')
-    """
-    if std is None or not np.isfinite(std) or std <= 0.0:
-        return f"{value:.5g}"
-    decimals = int(max(0, 1 - np.floor(np.log10(std))))
-    return f"{value:.{decimals}f} ± {std:.{decimals}f}" if decimals <= 6 else f"{value:.5g} ± {std:.2g}"

@@ -1,0 +1,293 @@
+"""The report of an identification: what was found and how surely, measured beside modelled, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tcs_friction.identify.comparison import Comparison
+from tcs_friction.identify.result import Estimate, Identification
+from tcs_friction.recording.recording import Recording
+from tcs_friction.report.figures import (
+    BELIEVED,
+    IMPROVED,
+    MEASURED,
+    MUTED,
+    drawn,
+    label,
+    legend,
+    line,
+    panels,
+    thin,
+)
+from tcs_friction.report.html import (
+    Cell,
+    Html,
+    Number,
+    key_numbers,
+    note,
+    page,
+    picture,
+    section,
+    table,
+    write_page,
+)
+from tcs_friction.report.numbers import with_error
+
+
+def write_report(
+    directory: Path,
+    found: Identification,
+    recordings: Sequence[Recording] = (),
+    comparison: Comparison | None = None,
+) -> Path:
+    """Write DIR/report.html and its pictures; returns the page's path."""
+    time, speed, costs = draw_torque(found), draw_friction(found), draw_costs(found)
+    pictures = [time, speed, costs]
+    parts: list[Html] = [
+        key_numbers(_numbers(found)),
+        section("Measured and modelled", picture(time), picture(speed)),
+        section("Parameters", parameter_table(found), _undetermined_note(found), *_directions(found)),
+    ]
+    if comparison is not None:
+        laws = draw_laws(comparison, found.offset.unit)
+        pictures.append(laws)
+        parts.append(
+            section("Friction laws compared", picture(laws), law_table(comparison, found.offset.unit))
+        )
+    if len(found.correlation[0]) > 1:
+        correlation = draw_correlation(found)
+        pictures.append(correlation)
+        parts.append(section("Correlation of the estimates", picture(correlation)))
+    parts.append(section("The search", picture(costs), note(_search_words(found))))
+    lines = [*found.notes, *(line for recording in recordings for line in recording.notes)]
+    if lines:
+        parts.append(section("Notes", *lines))
+    sources = ", ".join(recording.source for recording in recordings)
+    document = page(f"Identification: {found.law}", sentence(found), *parts, remark=sources)
+    return write_page(directory / "report.html", document, pictures)
+
+
+def sentence(found: Identification) -> str:
+    """What a control engineer would say of the result."""
+    every = {**found.parameters, "inertia": found.inertia, "offset": found.offset}
+    sure = [f"{_words(name)} {e.value:.4g} {e.unit}".rstrip() for name, e in every.items() if e.determined]
+    lost = [_words(name) for name, e in every.items() if not e.determined]
+    law = _words(found.law).replace("lugre", "LuGre")
+    words = f"The {law} law explains {100.0 * _explained(found):.1f} % of the torque"
+    words += f": {', '.join(sure)}." if sure else ", but the recording determines none of its parameters."
+    if lost and sure:
+        words += f" The recording cannot determine {_joined(lost)}."
+    return words
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _explained(found: Identification) -> float:
+    """Share of the measured torque's power."""
+    power = float(np.var(found.fit.measured))
+    return 1.0 - float(np.var(found.fit.residual)) / power if power > 0.0 else 0.0
+
+
+def _joined(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _every(found: Identification) -> Mapping[str, Estimate]:
+    return {**found.parameters, "inertia": found.inertia, "offset": found.offset}
+
+
+def _speed_unit(found: Identification) -> str:
+    return "m/s" if found.inertia.unit == "kg" else "rad/s"
+
+
+def _numbers(found: Identification) -> list[Number]:
+    unit = found.offset.unit
+    return [
+        Number("residual, held out", f"{found.rmse.held_out:.3g} {unit}", "rms, on data that no fit saw"),
+        Number("residual, train", f"{found.rmse.train:.3g} {unit}", "rms"),
+        Number("noise floor", f"{found.noise_floor:.3g} {unit}", "the recording's own"),
+        Number("torque explained", f"{100.0 * _explained(found):.2f} %", "of its power"),
+        Number("time", f"{found.seconds:.1f} s", f"{found.evaluations:,} evaluations"),
+    ]
+
+
+@drawn("torque", "Torque over time, measured and modelled, and the residual between them at its own scale.")
+def draw_torque(found: Identification) -> Figure:
+    """Torque on top, residual below."""
+    fit, unit = found.fit, found.offset.unit
+    figure, (top, bottom) = panels(2, height=2.3, sharex=True, gridspec_kw={"height_ratios": [1.4, 1]})
+    time = _joined_time(found)
+    line(top, time, fit.measured, MEASURED, "measured", lw=1.6)
+    line(top, time, fit.modelled, IMPROVED, f"{found.law}", lw=0.9)
+    line(bottom, time, fit.residual, BELIEVED, lw=0.7)
+    for axes in (top, bottom):
+        for start in fit.bounds[1:-1]:
+            axes.axvline(time[start], color=MUTED, lw=0.8, ls=":")
+    label(top, "", f"torque ({unit})")
+    label(bottom, "time (s)", f"residual ({unit})")
+    bottom.set_ylim(*_within(fit.residual))
+    legend(top)
+    return figure
+
+
+def _joined_time(found: Identification) -> np.ndarray:
+    """Times of the stretches put one after the other, s."""
+    t = found.fit.t.copy()
+    for start in found.fit.bounds[1:-1]:
+        if t[start] <= t[start - 1]:
+            t[start:] += t[start - 1] - t[start]
+    return t
+
+
+def _within(values: np.ndarray) -> tuple[float, float]:
+    """Limits that show all but the most extreme thousandth."""
+    spread = 1.5 * float(np.percentile(np.abs(values), 99.9)) or 1.0
+    return -spread, spread
+
+
+@drawn("friction", "Friction against speed, measured (torque less inertia and other terms) and modelled; on the right "
+       "close to zero speed.")  # fmt: skip
+def draw_friction(found: Identification) -> Figure:
+    """The whole range of speeds on the left, the range around zero on the right."""
+    fit = found.fit
+    figure, (whole, close) = panels(1, 2, height=3.3, width=9.4, gridspec_kw={"width_ratios": [1.4, 1]})
+    few = thin(len(fit.t), 12000)
+    speed = fit.velocity[few]
+    near = 0.06 * float(np.abs(fit.velocity).max())
+    for axes, keep in ((whole, np.full(len(speed), True)), (close, np.abs(speed) < near)):
+        v, measured, modelled = (
+            speed[keep],
+            fit.friction_measured[few][keep],
+            fit.friction_modelled[few][keep],
+        )
+        axes.plot(v, measured, ".", ms=1.8, color=MUTED, label="measured")
+        axes.plot(v, modelled, ".", ms=1.8, color=IMPROVED, label=found.law)
+        label(axes, f"speed ({_speed_unit(found)})", "")
+    whole.set_ylim(*_within(fit.friction_measured))
+    whole.set_ylabel(f"friction ({found.offset.unit})")
+    _big_legend(whole)
+    return figure
+
+
+def _big_legend(axes: Axes) -> None:
+    legend(axes)
+    for handle in axes.get_legend().legend_handles:  # type: ignore[union-attr]
+        handle.set_markersize(7)  # type: ignore[union-attr]
+
+
+@drawn("cost", "Best cost of each generation of the global search.")
+def draw_costs(found: Identification) -> Figure:
+    """Best cost (half sum of squares) per generation."""
+    figure, (axes,) = panels(height=2.4)
+    axes.plot(np.arange(1, len(found.history) + 1), found.history, color=IMPROVED)
+    if len(found.history) and found.history[0] > 10.0 * found.history[-1] > 0.0:
+        axes.set_yscale("log")
+    label(axes, "generation", f"best cost (({found.offset.unit})²)")
+    return figure
+
+
+@drawn("correlation", "Correlation of the estimates: pairs near ±1 cannot be told apart by this data.")
+def draw_correlation(found: Identification) -> Figure:
+    """A square of correlations with their numbers."""
+    names, matrix = found.correlation
+    side = 1.2 + 0.62 * len(names)
+    figure, (axes,) = panels(height=0.75 * side, width=1.5 * side)
+    image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
+    words = [name.replace("_", " ") for name in names]
+    axes.set_xticks(range(len(names)), words, rotation=30, ha="right")
+    axes.set_yticks(range(len(names)), words)
+    axes.grid(False)
+    for i, row in enumerate(matrix):
+        for j, value in enumerate(row):
+            axes.text(
+                j, i, f"{value:.2f}", ha="center", va="center", color="white" if abs(value) > 0.6 else "black"
+            )
+    figure.colorbar(image, ax=axes, shrink=0.9)
+    return figure
+
+
+@drawn("laws", "Residual of each friction law on samples that its fit has not seen.")
+def draw_laws(comparison: Comparison, unit: str) -> Figure:
+    """Bars, best law on top, with a tick at the training residual."""
+    rows = comparison.rows[::-1]
+    figure, (axes,) = panels(height=0.6 + 0.34 * len(rows))
+    places = np.arange(len(rows))
+    colors = [MUTED] * (len(rows) - 1) + [IMPROVED]
+    axes.barh(places, [row.held_out for row in rows], color=colors, height=0.6, label="held out")
+    axes.plot([row.train for row in rows], places, "|", ms=14, mew=2, color=MEASURED, label="train")
+    axes.set_yticks(places, [row.law for row in rows])
+    axes.grid(False, axis="y")
+    label(axes, f"residual ({unit} rms)", "")
+    legend(axes)
+    return figure
+
+
+def parameter_table(found: Identification) -> Html:
+    """Every parameter with its standard error, the least possible one, and the reason where there is none."""
+    rows: list[list[str | Cell]] = []
+    for name, estimate in _every(found).items():
+        if estimate.determined:
+            least = found.bound.get(name)
+            bound = f"{least:.2g}" if least is not None and np.isfinite(least) else "–"
+            rows.append([name, with_error(estimate.value, estimate.std), estimate.unit, bound, ""])
+        else:
+            rows.append([name, "–", estimate.unit, "–", estimate.reason or "undetermined"])
+    head = ["parameter", "value", "unit", "least possible std", "why not"]
+    return table(head, rows, "Value ± standard error (robust against coloured residuals)")
+
+
+def _undetermined_note(found: Identification) -> Html:
+    missing = any(not estimate.determined for estimate in found.parameters.values())
+    words = (
+        "A parameter without a value was held at the axis file's while the others were fitted."
+        if missing
+        else ""
+    )
+    return note(words)
+
+
+def _directions(found: Identification) -> list[Html]:
+    if len(found.directions) < 2:
+        return []
+    positive, negative = found.directions["positive"], found.directions["negative"]
+    rows = [
+        [name, _value(positive[name]), _value(negative[name]), positive[name].unit]
+        for name in positive
+        if name in negative
+    ]
+    return [table(["parameter", "positive", "negative", "unit"], rows, "Each direction of motion by itself")]
+
+
+def _value(estimate: Estimate) -> str:
+    return with_error(estimate.value, estimate.std) if estimate.determined else "–"
+
+
+def law_table(comparison: Comparison, unit: str) -> Html:
+    """Laws, best first."""
+    rows = [
+        [
+            row.law,
+            f"{row.held_out:.4g}",
+            f"{row.train:.4g}",
+            str(row.parameters),
+            f"{row.bic:.0f}",
+            f"{row.seconds:.1f}",
+        ]
+        for row in comparison.rows
+    ]
+    head = ["law", f"held out ({unit})", f"train ({unit})", "parameters", "BIC", "time (s)"]
+    return table(head, rows)
+
+
+def _search_words(found: Identification) -> str:
+    return (
+        f"Method {found.method}, seed {found.seed}: {found.outcome.value.replace('_', ' ')} after "
+        f"{found.evaluations:,} evaluations in {found.seconds:.1f} s; cost {found.cost:.6g}."
+    )

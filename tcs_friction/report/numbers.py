@@ -1,0 +1,20 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import math
+
+
+def with_error(value: float, std: float | None) -> str:
+    """A value with its standard error, both to the error's second digit.
+
+    >>> with_error(72.0013, 0.012), with_error(0.5, None), with_error(296123.0, 1234.0)
+    ('72.001 ± 0.012', '0.5', '296100 ± 1200')
+    """
+    if std is None or not math.isfinite(std) or std <= 0.0:
+        return f"{value:.5g}"
+    digits = 1 - math.floor(math.log10(std))
+    if digits > 6 or abs(value) >= 1e7:
+        return f"{value:.5g} ± {std:.2g}"
+    places = max(digits, 0)
+    return f"{round(value, digits):.{places}f} ± {round(std, digits):.{places}f}"
