@@ -15,6 +15,7 @@ from tcs_friction.identify.problem import Problem
 from tcs_friction.physics.terms import Parameter, Role
 
 SEARCH_POINTS = 6000  # a global search looks at about so many
+UNSURE = 0.02  # of the range of positions: travel after a start within which a bristle may remember what nobody saw
 FAR = 1e30  # travel that saturates any bristle
 
 
@@ -80,6 +81,10 @@ def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
     starting = motion.velocity[index[first]]
     travel[first] = np.where(np.abs(starting) > motion.resolution, np.copysign(FAR, starting), 0.0)
     weight = _weights_at(problem, index)
+    reached = np.cumsum(np.abs(motion.travel))[index]
+    for start, count in zip(first, (len(k) for k in kept), strict=True):
+        unsure = reached[start : start + count] - reached[start] < UNSURE * np.ptp(motion.position)
+        weight[start : start + count][unsure & (np.arange(count) < 0.2 * count)] = 0.0
     velocity, acceleration = motion.velocity[index], motion.acceleration[index]
     return Points(velocity, travel, carry, acceleration, problem.rotor[index], weight)
 
@@ -178,7 +183,7 @@ class ShapeCost:
         coulomb, damping, viscous, inertia, offset = self._solved(np.array([[distance, ratio, stribeck]]))[0][0]
         result = self._start.copy()
         result[:6] = coulomb, ratio * coulomb, stribeck, coulomb / distance, damping, viscous
-        if self._used[3]:
+        if self._used[3] and inertia > 0.05 * self._start[6]:
             result[6] = inertia
         if self._used[4]:
             result[7] = offset
