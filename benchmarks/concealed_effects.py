@@ -1,4 +1,4 @@
-"""How each concealed effect is drawn: its values, those that its size scales, their names in the vocabulary."""
+"""How each concealed effect is drawn: its values, those its size scales, their names in the vocabulary."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Effect:
     """One effect: `draw` gives Physics fields at a plain size, `scaled` lists those that the size multiplies.
 
     `names`: vocabulary parameter -> Physics field, for comparing values. `rounds`: of scaling, more where
-    torque and value are not proportional. `limits`: of the first scaled field. An effect that scales nothing
-    comes as large as it is.
+    torque and value are not proportional. `limits`: of the first scaled field. What scales nothing comes as
+    large as it is.
     """
 
     draw: Callable[[Setting], dict[str, float]]

@@ -1,8 +1,8 @@
 """The world behind the concealed recordings: an axis with every effect, written a second time.
 
 Nothing here comes from tcs_friction: the equations are one right-hand side, integrated by Heun's method with
-50 us steps, the bristle a plain differential equation, effects on friction inside its level, where a bearing has
-them. What the product makes of a recording can therefore not agree with it by sharing a mistake.
+50 us steps, the bristle a plain differential equation, effects on friction inside its level, where a bearing
+has them. What the product makes of a recording can therefore not agree with it by sharing a mistake.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numba import njit
 PERIOD = 0.002  # s, of control and recording
 SUBSTEPS = 40  # 50 us
 
-# State: position, velocity, bristle, deflection and velocity of the second body, cable, lagged torque, bristle of
-# the believed law
+# State: position, velocity, bristle, deflection and velocity of the second body, cable, lagged torque,
+# bristle of the believed law
 SIZE = 8
 Q, V, Z, D, W, S, U, N = range(SIZE)
 
@@ -62,7 +62,7 @@ class Physics(NamedTuple):
     lag: float = 0.0
     gap: float = 0.0
     ratio: float = 0.0
-    mode_frequency: float = 20.0  # of the second body with the first held
+    mode_frequency: float = 20.0  # free resonance; of a contact: with the first body held
     mode_damping: float = 0.02
     inertia_variation: float = 0.0
     inertia_phase: float = 0.0
@@ -171,7 +171,8 @@ def coupled(p: Any, y: Any) -> Any:
     beyond = y[D] - min(max(y[D], -half), half)
     if p.gap > 0.0 and beyond == 0.0:
         return 0.0
-    omega = 2.0 * math.pi * p.mode_frequency
+    held = 1.0 if p.gap > 0.0 else math.sqrt(1.0 - p.ratio)
+    omega = 2.0 * math.pi * p.mode_frequency * held
     moved = y[W] - y[V]
     return p.ratio * p.inertia * (omega * omega * beyond + 2.0 * p.mode_damping * omega * moved)
 
@@ -210,8 +211,8 @@ def slope(p: Any, e: Any, k: int, t: float, y: Any, command: float, noise: float
 def simulate(p: Any, e: Any, encoder: Any, substeps: int) -> Any:
     """Closed loop over the whole reference.
 
-    Returns (n, 4): measured position (rad), measured velocity (rad/s), torque command (N m), and the mean over the
-    period of what the believed physics cannot explain: command minus inertia, believed friction and torque noise.
+    Returns (n, 4): measured position (rad), measured velocity (rad/s), torque command (N m), and the mean over
+    the period of what the believed physics cannot explain: command less inertia, believed friction and noise.
     """
     count = len(e.reference)
     out = np.zeros((count, 4))
