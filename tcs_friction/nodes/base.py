@@ -14,7 +14,7 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tcs_friction.config import AxisFile, Control, load_axis
+from tcs_friction.config import AxisFile, Control, default_control, load_axis
 from tcs_friction.control.config_field import choice, setting
 from tcs_friction.errors import InputError, TcsError
 from tcs_friction.nodes import parameters
@@ -54,6 +54,11 @@ def config_file(name: str) -> Path:
     raise InputError(name, "no such file", f"a path, or one of {', '.join(sorted(p.name for p in folder.glob('*.yaml')))}")
 
 
+def control_of(file: AxisFile) -> Control:
+    """How an axis file says to control its axis, or a cautious way where it does not say."""
+    return file.control or default_control(file.axis)
+
+
 def derived(kind: type[C], *sources: Any, **values: Any) -> C:
     """A node's configuration from the configurations of the core that it contains; later ones win."""
     names = {entry.name for entry in fields(kind)}
@@ -85,11 +90,6 @@ class AxisNode(Node, Generic[C]):
         self.configure(self.config)
         self.create_timer(1.0, self._report)
 
-    @property
-    def control(self) -> Control:
-        """The axis file's control block."""
-        return self.file.control or Control()
-
     def check(self, config: C, file: AxisFile) -> None:
         """Raises InputError where valid settings do not go together. For subclasses."""
 
@@ -97,8 +97,11 @@ class AxisNode(Node, Generic[C]):
         """Use a configuration that has been checked. For subclasses."""
         self.config = config
 
+    hears = "joint_states"
+    """The input that makes the node tick."""
+
     def missing(self) -> str:
-        """What the node waits for, "" for nothing. For subclasses; asked while no tick comes."""
+        """What keeps the node from answering its last input, "" for nothing. For subclasses; asked while no tick comes."""
         return ""
 
     def progress(self) -> None:
@@ -166,8 +169,11 @@ class AxisNode(Node, Generic[C]):
             self.health.last_tick = now
             self.health.problem = ""
             return
-        if self.config.clock == LOCK_STEP and now - since >= self.config.time_limit:
-            awaited = self.missing()
-            self.health.problem = f"no {awaited} within {self.config.time_limit:g} s" if awaited else ""
+        if self.config.clock != LOCK_STEP or now - since < self.config.time_limit:
+            return
+        awaited = self.missing()
+        self.health.problem = f"no {awaited} within {self.config.time_limit:g} s" if awaited else ""
+        if not awaited and self.hears:
+            self.health.warning = f"idle: no {self.hears} for {now - since:.0f} s"
 
 

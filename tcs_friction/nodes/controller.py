@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
 
-from tcs_friction.config import AxisFile, Control
+from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.pid import DoubleLoopPid, PidConfig
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, derived
+from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
@@ -31,7 +31,7 @@ class ControllerConfig(PidConfig, ClockConfig):
 
 def defaults(file: AxisFile) -> ControllerConfig:
     """The settings that an axis file implies."""
-    control = file.control or Control()
+    control = control_of(file)
     return derived(ControllerConfig, control.loop, control.controller)
 
 
@@ -44,7 +44,8 @@ class Controller(AxisNode[ControllerConfig]):
         self._message = b""
         self._pending = self._done = -1
         self._position = self._velocity = 0.0
-        self._reference, self._reference_stamp = (0.0, 0.0, 0.0), -1
+        self._reference: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._reference_stamp = -1
         self._compensation, self._compensation_stamp = 0.0, -1
         self._residual, self._estimate_stamp = 0.0, -1
         self._pid = DoubleLoopPid(self.config, self.config.period)
@@ -64,7 +65,7 @@ class Controller(AxisNode[ControllerConfig]):
 
     def missing(self) -> str:
         if self._pending == self._done:
-            return "joint_states"
+            return ""
         stamps = {
             "reference": self._reference_stamp,
             "friction_compensation": self._compensation_stamp if self.config.compensator else self._pending,
@@ -134,7 +135,8 @@ class Controller(AxisNode[ControllerConfig]):
         added = self._compensation if config.compensator else 0.0
         if config.feed_back:
             added += self._residual
-        self._command(stamp, *self._reference, added)
+        position, velocity, acceleration = self._reference
+        self._command(stamp, position, velocity, acceleration, added)
 
     def _command_with_latest(self, stamp: int) -> None:
         """Real time: use the latest inputs that are young enough; no torque without a reference."""

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
-from tcs_friction.config import AxisFile, Control
+from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import switch
 from tcs_friction.control.dob import DobConfig
 from tcs_friction.control.observer import FrictionObserver
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, derived
+from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
@@ -30,7 +30,7 @@ class DobNodeConfig(DobConfig, ClockConfig):
 
 def defaults(file: AxisFile) -> DobNodeConfig:
     """The settings that an axis file implies."""
-    control = file.control or Control()
+    control = control_of(file)
     return derived(DobNodeConfig, control.loop, control.observer)
 
 
@@ -62,7 +62,7 @@ class Dob(AxisNode[DobNodeConfig]):
     def missing(self) -> str:
         if self._pending != self._done and self._pending >= 0:
             return f"friction_compensation for {(self._pending - self._period_ns) / SECOND:.6f} s"
-        return "joint_states"
+        return ""
 
     def _on_compensation(self, data: bytes) -> None:
         stamp, (torque,) = TORQUE.read(data)

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass
 from rclpy.parameter import Parameter
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, LugreParameters
 
-from tcs_friction.config import AxisFile, Control
+from tcs_friction.config import AxisFile
 from tcs_friction.control.compensator import CompensatorConfig, LugreCompensator
 from tcs_friction.control.config_field import switch
-from tcs_friction.nodes.base import AxisNode, ClockConfig, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import direction
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
@@ -28,7 +28,7 @@ class CompensatorNodeConfig(CompensatorConfig, ClockConfig):
 
 def defaults(file: AxisFile) -> CompensatorNodeConfig:
     """The settings that an axis file implies."""
-    control = file.control or Control()
+    control = control_of(file)
     return derived(CompensatorNodeConfig, control.loop, control.compensator)
 
 
@@ -51,8 +51,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         super().configure(config)
         self._compensator.configure(config)
 
-    def missing(self) -> str:
-        return "reference"
+    hears = "reference"
 
     def _on_reference(self, data: bytes) -> None:
         stamp, (_, velocity, acceleration) = REFERENCE.read(data)

@@ -10,9 +10,9 @@ from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
-from tcs_friction.config import AxisFile, Control
+from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, derived
+from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND, set_stamp
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
@@ -38,7 +38,7 @@ class PlantConfig(ClockConfig):
 
 def defaults(file: AxisFile) -> PlantConfig:
     """The settings that an axis file implies."""
-    control = file.control or Control()
+    control = control_of(file)
     return derived(PlantConfig, control.loop, command_limit=10.0 * control.controller.torque_limit)
 
 
@@ -58,6 +58,8 @@ class Plant(AxisNode[PlantConfig]):
         self.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_timer(REPEAT_AFTER, self._repeat)
+
+    hears = "torque_command"
 
     def check(self, config: PlantConfig, file: AxisFile) -> None:
         self._make(config, file)

@@ -9,10 +9,10 @@ from pathlib import Path
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference
 
-from tcs_friction.config import AxisFile, Control
+from tcs_friction.config import AxisFile
 from tcs_friction.control import reference as core
 from tcs_friction.control.config_field import choice, text
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, config_file, derived
+from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, config_file, control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
@@ -45,7 +45,7 @@ def chosen(config: ReferenceConfig) -> core.Reference:
 
 def defaults(file: AxisFile) -> ReferenceConfig:
     """The settings that an axis file implies."""
-    return derived(ReferenceConfig, (file.control or Control()).loop)
+    return derived(ReferenceConfig, control_of(file).loop)
 
 
 class ReferenceNode(AxisNode[ReferenceConfig]):

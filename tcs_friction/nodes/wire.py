@@ -59,7 +59,8 @@ class JointWire:
         text = joint.encode() + b"\x00"
         names = struct.pack("<I4xII", _NO_FRAME, 1, len(text)) + text + bytes(-len(text) % 4)
         self._own, self._own_prefix = _joint_layout(names, (1, 1, 1), 0), names
-        self._layout, self._prefix, self._counts = self._own, names, (1, 1, 1)
+        self._layout, self._prefix = self._own, names
+        self._counts: tuple[int, ...] = (1, 1, 1)
 
     def write(self, stamp: int, position: float, velocity: float, effort: float) -> bytes:
         """A serialised message of this joint alone."""
@@ -93,7 +94,7 @@ class JointWire:
 
 def _prefix_length(data: bytes) -> int:
     """Bytes of the frame name and the joint names; `data` starts 8 bytes into the message's CDR body."""
-    (frame,) = struct.unpack_from("<I", data)
+    frame: int = struct.unpack_from("<I", data)[0]
     at = 4 + frame + (-frame) % 4
     (count,) = struct.unpack_from("<I", data, at)
     at += 4

@@ -28,7 +28,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 OWN_TYPES = {
     "tcs_friction_msgs/msg/AxisReference": "std_msgs/Header header\nfloat64 position\nfloat64 velocity\nfloat64 acceleration",
     "tcs_friction_msgs/msg/AxisTorque": "std_msgs/Header header\nfloat64 torque",
-    "tcs_friction_msgs/msg/FrictionEstimate": "std_msgs/Header header\nfloat64 torque\nfloat64 velocity",
+    "tcs_friction_msgs/msg/FrictionEstimate": "std_msgs/Header header\nfloat64 torque\nfloat64 velocity\nfloat64 residual\nbool valid",
 }
 """The fields of this project's messages that recordings hold; msg_defs has them with their comments."""
 

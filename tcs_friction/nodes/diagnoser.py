@@ -1,0 +1,103 @@
+"""Diagnosis in the graph: what physics the axis file lacks, against bags or what was heard live."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sensor_msgs.msg import JointState
+from tcs_friction_msgs.action import Diagnose as DiagnoseAction
+from tcs_friction_msgs.srv import Diagnose as DiagnoseService
+
+from tcs_friction.config import AxisFile, load_axis
+from tcs_friction.control.config_field import setting
+from tcs_friction.errors import InputError, JobError
+from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
+from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
+from tcs_friction.nodes.qos import COLLECT
+from tcs_friction.nodes.series import Series
+from tcs_friction.nodes.wire import JointWire
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class DiagnoserConfig(ClockConfig):
+    """How much is remembered and how the diagnosis is seeded."""
+
+    seed: int = setting(0, "", 0, 2**31 - 1, "seed of searches and permutations")
+    memory: float = setting(600.0, "s", 1.0, 1e5, "joint states older than this are forgotten")
+
+
+def defaults(file: AxisFile) -> DiagnoserConfig:
+    """The settings that an axis file implies."""
+    return derived(DiagnoserConfig, control_of(file).loop)
+
+
+class Diagnoser(AxisNode[DiagnoserConfig]):
+    """Listens to joint_states so that a diagnosis needs no bag."""
+
+    def __init__(self) -> None:
+        super().__init__("diagnoser", defaults)
+        self._series = Series(3)  # position, velocity, torque
+        self.start()
+        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
+        self._waiter = Waiter(self)
+        self._jobs = Jobs(self, self._waiter, "diagnose", DiagnoseAction, self._diagnose, DiagnoseService)
+
+    def configure(self, config: DiagnoserConfig) -> None:
+        super().configure(config)
+        self._wire = JointWire(self.file.axis.name)
+        self._series.limit = round(config.memory / config.period)
+
+    def _on_state(self, data: bytes) -> None:
+        stamp, *values = self._wire.read(data)
+        if self._series.append(stamp, *values):
+            self.health.ticks += 1
+
+    async def _diagnose(self, request: Any, answer: Any, progress: Progress) -> str:
+        file = load_axis(config_file(request.axis)) if request.axis else self.file
+        recordings = self._recordings(request, file)
+        try:
+            diagnose = importlib.import_module("tcs_friction.diagnose.diagnosis").diagnose
+        except ModuleNotFoundError:
+            raise JobError("diagnosis", "not part of this version") from None
+        found = await self._waiter.in_thread(
+            lambda: diagnose(
+                recordings,
+                file.axis,
+                seed=self.config.seed,
+                progress=lambda share, stage: progress.tell(progress=float(share), stage=str(stage)),
+                cancel=progress.cancelled.is_set,
+            )
+        )
+        if progress.cancelled.is_set():
+            raise JobError("diagnosis", "was cancelled")
+        answer.verdict, answer.statement = str(found.verdict), found.statement
+        answer.effects = [item.effect for item in found.effects]
+        if request.directory:
+            found.write(Path(request.directory), file)
+        return str(found.statement)
+
+    def _recordings(self, request: Any, file: AxisFile) -> tuple[Recording, ...]:
+        if request.bags:
+            if file.signals is None:
+                raise InputError(request.axis or "axis file", "no signals block", "signals: {position: ..., torque: ...}")
+            return read_recordings([Path(name) for name in request.bags], file.signals)
+        t, position, velocity, torque = self._series.arrays()
+        if len(t) < 2:
+            raise JobError("live recording", f"{len(t)} joint states heard", "a run before")
+        return (Recording(t=t - t[0], position=position, velocity=velocity, torque=torque, source="live"),)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(Diagnoser, args=args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

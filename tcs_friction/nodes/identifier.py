@@ -1,0 +1,146 @@
+"""Identification in the graph: from what the observer sees, or from bags, to LuGre parameters for the compensator."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.clock import Clock
+from tcs_friction_msgs.action import Identify as IdentifyAction
+from tcs_friction_msgs.msg import FrictionEstimate, LugreParameters
+from tcs_friction_msgs.srv import Identify as IdentifyService
+
+from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
+from tcs_friction.control.config_field import choice, setting, switch
+from tcs_friction.errors import InputError, JobError
+from tcs_friction.identify.identification import METHODS, identified_axis, identify
+from tcs_friction.identify.motion import Data, FrictionSeries
+from tcs_friction.identify.pso_ga import Generation
+from tcs_friction.identify.result import Identification
+from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
+from tcs_friction.nodes.convert import fill_direction, set_stamp
+from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
+from tcs_friction.nodes.qos import COLLECT, LATCHED
+from tcs_friction.nodes.series import Series
+from tcs_friction.nodes.wire import ESTIMATE
+from tcs_friction.recording.bags import read_recordings
+
+
+@dataclass(frozen=True)
+class IdentifierConfig(ClockConfig):
+    """How to identify, and Switch2 of the paper."""
+
+    switch2: bool = switch(False, "Switch2: the observer's estimates are kept for identification")
+    method: str = choice("default", METHODS, "of the search")
+    seed: int = setting(0, "", 0, 2**31 - 1, "seed of the search")
+    settle: float = setting(1.0, "s", 0.0, 1e4, "estimates so soon after the first one are not used")
+    estimate_delay: float = setting(0.0, "s", 0.0, 10.0, "by how much the observer's estimate is late")
+    memory: float = setting(600.0, "s", 1.0, 1e5, "estimates older than this are forgotten")
+
+
+def defaults(file: AxisFile) -> IdentifierConfig:
+    """The settings that an axis file implies."""
+    control = control_of(file)
+    return derived(IdentifierConfig, control.loop, estimate_delay=control.observer.filter_delay)
+
+
+class Identifier(AxisNode[IdentifierConfig]):
+    """Publishes what it identified on lugre_parameters, latched."""
+
+    def __init__(self) -> None:
+        super().__init__("identifier", defaults)
+        self._series = Series(2)  # velocity, torque
+        self._publisher = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
+        self.start()
+        self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, COLLECT, raw=True)
+        self._waiter = Waiter(self)
+        self._jobs = Jobs(self, self._waiter, "identify", IdentifyAction, self._identify, IdentifyService)
+
+    def configure(self, config: IdentifierConfig) -> None:
+        if config.switch2 and not self.config.switch2:
+            self._series.clear()
+        super().configure(config)
+        self._series.limit = round(config.memory / config.period)
+
+    def _on_estimate(self, data: bytes) -> None:
+        stamp, (torque, velocity, _, valid) = ESTIMATE.read(data)
+        if valid and self.config.switch2 and self._series.append(stamp, velocity, torque):
+            self.health.ticks += 1
+
+    async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:
+        file = load_axis(config_file(request.axis)) if request.axis else self.file
+        data, source = self._data(request, file)
+        believed = file.axis if request.bags else replace(file.axis, effects=())
+
+        def tell(generation: Generation) -> None:
+            progress.tell(
+                progress=float(generation.share),
+                stage="searching",
+                generation=int(generation.number),
+                cost=float(generation.cost),
+            )
+
+        config = self.config
+        found = await self._waiter.in_thread(
+            lambda: identify(data, believed, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
+        )
+        if progress.cancelled.is_set():
+            raise JobError("identification", "was cancelled")
+        if not found.parameters["coulomb"].determined:
+            raise JobError("identification", f"coulomb is not determined: {found.parameters['coulomb'].reason}")
+        message = lugre_parameters(found, source, self.get_clock())
+        answer.parameters, answer.rmse = message, found.rmse.train
+        if request.directory:
+            write_result(Path(request.directory), replace(file, axis=believed), found)
+        self._publisher.publish(message)
+        size = f"{found.parameters['coulomb'].value:.4g}, static {found.parameters['static'].value:.4g}"
+        return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms"
+
+    def _data(self, request: Any, file: AxisFile) -> tuple[list[Data], str]:
+        """Recordings of the bags named, or the series of live estimates."""
+        if request.bags:
+            if file.signals is None:
+                raise InputError(request.axis or "axis file", "no signals block", "signals: {position: ..., torque: ...}")
+            bags = [Path(name) for name in request.bags]
+            return list(read_recordings(bags, file.signals)), ", ".join(request.bags)
+        t, velocity, torque = self._series.arrays()
+        keep = t >= (t[0] if len(t) else 0.0) + self.config.settle
+        if np.count_nonzero(keep) < 2:
+            raise JobError("live recording", f"{len(t)} estimates heard", "a run in mode MEASURE before")
+        return [FrictionSeries(t[keep], velocity[keep], torque[keep], self.config.estimate_delay)], "live"
+
+
+def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreParameters:
+    """A result as a message; what was identified for both directions together serves where one is missing."""
+    message = LugreParameters(source=source)
+    set_stamp(message, clock.now().nanoseconds)
+    for way, target in (("positive", message.positive), ("negative", message.negative)):
+        estimates = {**found.parameters, **found.directions.get(way, {})}
+        deviations = {name: item.std if item.determined else None for name, item in estimates.items()}
+        fill_direction(target, found.friction(way), deviations)
+    message.torque_offset = float(found.offset.value) if found.offset.determined else 0.0
+    return message
+
+
+def write_result(directory: Path, file: AxisFile, found: Identification) -> None:
+    """identification.json and axis.yaml, as the command writes them."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        write_whole(directory / "identification.json", json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n")
+        save_axis(directory / "axis.yaml", replace(file, axis=identified_axis(file.axis, found)))
+    except OSError as error:
+        raise InputError(str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to") from None
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(Identifier, args=args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

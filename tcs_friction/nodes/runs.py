@@ -1,0 +1,150 @@
+"""A run of the axis as a node hears it: every message of the topics that matter, until the reference is over."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from tcs_friction_msgs.msg import AxisReference, FrictionEstimate
+
+from tcs_friction.control.tracking import TrackingErrors, tracking_errors
+from tcs_friction.errors import JobError
+from tcs_friction.nodes.convert import SECOND
+from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.nodes.qos import COLLECT
+from tcs_friction.nodes.series import Series
+from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, JointWire
+from tcs_friction.recording.encode import TopicData, encoded, joint_states
+from tcs_friction.recording.write import EPOCH, write_bag
+
+Array = NDArray[np.float64]
+GRACE = 2.0  # s that the last messages of a run may take
+
+COLUMNS = {
+    "joint_states": ("position", "velocity", "effort"),
+    "reference": ("position", "velocity", "acceleration"),
+    "friction_estimate": ("torque", "velocity", "residual", "valid"),
+    "true_friction": ("torque", "velocity", "residual", "valid"),
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """What was heard: topic -> time in s and columns as in COLUMNS, each (n,); lengths may differ between topics."""
+
+    joint: str
+    topics: dict[str, list[Array]]
+
+    def _matched(self, first: str, second: str) -> tuple[list[Array], list[Array]]:
+        """The columns of two topics at the stamps that both have."""
+        a, b = self.topics[first], self.topics[second]
+        _, at_a, at_b = np.intersect1d(a[0], b[0], return_indices=True)
+        return [column[at_a] for column in a], [column[at_b] for column in b]
+
+    def tracking(self, settle: float) -> TrackingErrors:
+        """Errors of the measured position against the reference."""
+        (t, position, _, _), (_, wanted, speed, _) = self._matched("joint_states", "reference")
+        return tracking_errors(t, speed, wanted - position, settle)
+
+    def observer_error(self, delay: float, settle: float) -> float:
+        """RMS of the observer's error over RMS of the true friction, its known delay (s) taken out; NaN without truth."""
+        if "true_friction" not in self.topics:
+            return float("nan")
+        (t, true, *_), (_, estimate, *_) = self._matched("true_friction", "friction_estimate")
+        if len(t) < 2:
+            return float("nan")
+        late = np.interp(t + delay, t, estimate)
+        keep = (t >= t[0] + settle) & (t <= t[-1] - delay)
+        return float(np.sqrt(np.mean((late[keep] - true[keep]) ** 2) / np.mean(true[keep] ** 2)))
+
+    def write(self, path: Path, namespace: str) -> None:
+        """A bag of the run. Raises InputError when the path exists."""
+        write_bag(path, [self._topic(name, namespace.rstrip("/")) for name in self.topics])
+
+    def _topic(self, name: str, namespace: str) -> TopicData:
+        t, *values = self.topics[name]
+        times = EPOCH + np.rint(t * SECOND).astype(np.int64)
+        columns = dict(zip(COLUMNS[name], values, strict=True))
+        if name == "joint_states":
+            return joint_states(f"{namespace}/{name}", times, {self.joint: columns})
+        kind = "AxisReference" if name == "reference" else "FrictionEstimate"
+        return encoded(f"{namespace}/{name}", f"tcs_friction_msgs/msg/{kind}", times, columns)
+
+
+class RunCollector:
+    """Collects while a run lasts and nothing otherwise."""
+
+    def __init__(self, node: Node, waiter: Waiter) -> None:
+        self._waiter = waiter
+        self._series: dict[str, Series] = {}
+        self._wire = JointWire("")
+        self._end = -1
+        self._from = -1
+        kinds = {"joint_states": JointState, "reference": AxisReference}
+        for name in COLUMNS:
+            listener = self._on_state if name == "joint_states" else self._listener(name)
+            node.create_subscription(kinds.get(name, FrictionEstimate), name, listener, COLLECT, raw=True)
+
+    def begin(self, joint: str, duration: float, topics: Sequence[str]) -> None:
+        """Collect from the next joint state on, for `duration` seconds of its stamps."""
+        self._joint = joint
+        self._wire = JointWire(joint)
+        self._from, self._end = -1, -1
+        self._duration = round(duration * SECOND)
+        self._series = {name: Series(len(COLUMNS[name])) for name in topics}
+
+    def _on_state(self, data: bytes) -> None:
+        series = self._series.get("joint_states")
+        if series is None:
+            return
+        stamp, *values = self._wire.read(data)
+        if self._from < 0 or stamp < self._from:
+            self._from, self._end = stamp, stamp + self._duration
+        if stamp <= self._end:
+            series.append(stamp, *values)
+
+    def _listener(self, name: str) -> Callable[[bytes], None]:
+        wire = REFERENCE if name == "reference" else ESTIMATE
+
+        def listen(data: bytes) -> None:
+            series = self._series.get(name)
+            if series is not None:
+                stamp, values = wire.read(data)
+                if self._end < 0 or stamp <= self._end:
+                    series.append(stamp, *values)
+
+        return listen
+
+    def _complete(self) -> bool:
+        ends = [series.stamps[-1] if series.stamps else -1 for series in self._series.values()]
+        return self._end >= 0 and all(end >= self._end for end in ends)
+
+    async def finished(self, stall_limit: float, tell: Callable[[float], None]) -> Run:
+        """The run once it is over. Raises JobError naming the topic that has stopped when nothing comes any more."""
+        heard, since = -1, time.monotonic()
+        while not await self._waiter.until(self._complete, 0.1):
+            states = self._series["joint_states"]
+            if len(states) != heard:
+                heard, since = len(states), time.monotonic()
+            quiet = time.monotonic() - since
+            over = self._end >= 0 and heard > 0 and states.stamps[-1] >= self._end
+            if quiet > (GRACE if over else stall_limit):
+                raise self._stalled(quiet)
+            if heard > 0:
+                tell(min(1.0, (states.stamps[-1] - self._from) / self._duration))
+        result = Run(self._joint, {name: series.arrays() for name, series in self._series.items()})
+        self._series = {}
+        return result
+
+    def _stalled(self, quiet: float) -> JobError:
+        ends = {name: series.stamps[-1] / SECOND if series.stamps else -1.0 for name, series in self._series.items()}
+        last = min(ends, key=lambda name: ends[name])
+        at = f"since its {ends[last]:.3f} s" if ends[last] >= 0.0 else "at all"
+        self._series = {}
+        return JobError("run", f"stalled for {quiet:.0f} s: no {last} {at}", "every node of the loop to be alive")
