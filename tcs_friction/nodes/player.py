@@ -115,7 +115,7 @@ class PlayerNode(Node):
             raise InputError("player: parameter bag", "is empty", "the bag to play")
         self._bag = Bag(Path(self._config.bag))
         self._topics = self._config.topics.split() or None
-        self._publishers: dict[Channel, Publisher | None] = {}
+        self._outlets: dict[Channel, Publisher | None] = {}
         self.count = 0
         self.pace = Pace(self._config.rate)
         if self._config.paused:
@@ -127,7 +127,7 @@ class PlayerNode(Node):
             raise InputError(f"{self._config.bag}", f"no message on {wanted or 'any topic'}", nearest(wanted, known))
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
-        self._clock = self.create_publisher(Clock, "/clock", 10) if self._config.clock_rate else None
+        self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if self._config.clock_rate else None
         self._thread = threading.Thread(target=self._play, daemon=True)
         self._thread.start()
 
@@ -161,9 +161,10 @@ class PlayerNode(Node):
                 self.get_logger().warning(note)
         except TcsError as error:
             self.get_logger().error(str(error))
-        if not self.pace.stopped:
-            self.get_logger().info(f"played {self.count} messages to the end")
-            rclpy.try_shutdown()
+        finally:
+            if not self.pace.stopped:
+                self.get_logger().info(f"played {self.count} messages")
+                rclpy.try_shutdown()
 
     def _announce(self) -> None:
         """Make the publishers of the bag's first seconds, then leave subscribers time to find them."""
@@ -181,7 +182,7 @@ class PlayerNode(Node):
             yield message
 
     def _play_once(self, messages: Iterator[Message]) -> int:
-        step = int(SECOND * self._config.rate / self._config.clock_rate) if self._clock else 0
+        step = int(SECOND * self._config.rate / self._config.clock_rate) if self._clock_outlet else 0
         tick = 0
         played = 0
         for due, channel, payload in messages:
@@ -200,18 +201,18 @@ class PlayerNode(Node):
         return played
 
     def _publish_clock(self, now: int) -> None:
-        assert self._clock is not None
-        self._clock.publish(Clock(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
+        assert self._clock_outlet is not None
+        self._clock_outlet.publish(Clock(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
 
     def _publisher(self, channel: Channel) -> Any:
-        if channel not in self._publishers:
+        if channel not in self._outlets:
             kind = message_class(channel.msgtype)
             if kind is None or channel.encoding != "cdr":
                 self.get_logger().warning(f"{channel.topic} is not played: {channel.msgtype} ({channel.encoding}) not installed")
-                self._publishers[channel] = None
+                self._outlets[channel] = None
             else:
-                self._publishers[channel] = self.create_publisher(kind, channel.topic, publisher_profile(channel.qos))
-        return self._publishers[channel]
+                self._outlets[channel] = self.create_publisher(kind, channel.topic, publisher_profile(channel.qos))
+        return self._outlets[channel]
 
 
 def main() -> int:

@@ -68,6 +68,11 @@ class McapWriter:
         self.size = 0
         self._put(MAGIC + _record(HEADER, _text("ros2") + _text("tcs_friction")))
 
+    @property
+    def pending_size(self) -> int:
+        """Bytes written and waiting."""
+        return self.size + self._chunk.size
+
     def add_channel(self, channel: Channel, type_hash: str = "") -> int:
         """Announce a topic; the number to write its messages with."""
         key = (channel.msgtype, channel.definition)

@@ -1,0 +1,68 @@
+"""The messages of a bag one by one in the order of their log times, for playing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from tcs_friction.recording.bags import Bag
+from tcs_friction.recording.decode import Batch
+from tcs_friction.recording.definitions import Channel
+
+LOOK_AHEAD = 2_000_000_000
+"""ns; messages that lie further from their place in the file than this come late."""
+
+Message = tuple[int, Channel, bytes]
+
+
+def in_log_order(bag: Bag, topics: Collection[str] | None = None, begin: int = 0) -> Iterator[Message]:
+    """Log time in ns, channel and bytes of each message, sorted within a sliding window; none before `begin`."""
+    waiting: list[Batch] = []
+    newest = 0
+    for batch in bag.batches(topics):
+        if not len(batch):
+            continue
+        waiting.append(batch)
+        newest = max(newest, int(batch.log_times.max()))
+        oldest = min(int(item.log_times.min()) for item in waiting)
+        if newest - oldest > 2 * LOOK_AHEAD:
+            ready, waiting = _divided(waiting, newest - LOOK_AHEAD)
+            yield from _sorted(ready, begin)
+    yield from _sorted(waiting, begin)
+
+
+def _divided(batches: list[Batch], limit: int) -> tuple[list[Batch], list[Batch]]:
+    """The part of each batch before the limit, and the part from it on."""
+    before, after = [], []
+    for batch in batches:
+        early = batch.log_times < limit
+        before.append(_part(batch, early))
+        if not early.all():
+            after.append(_part(batch, ~early))
+    return before, after
+
+
+def _part(batch: Batch, chosen: np.ndarray) -> Batch:
+    return Batch(batch.channel, batch.buffer, batch.log_times[chosen], batch.starts[chosen], batch.lengths[chosen])
+
+
+def _sorted(batches: list[Batch], begin: int) -> Iterator[Message]:
+    if not batches:
+        return
+    times = np.concatenate([batch.log_times for batch in batches])
+    owners = np.repeat(np.arange(len(batches)), [len(batch) for batch in batches])
+    places = np.concatenate([np.arange(len(batch)) for batch in batches])
+    order = np.argsort(times, kind="stable")
+    order = order[times[order] >= begin]
+    for time, owner, place in zip(times[order].tolist(), owners[order].tolist(), places[order].tolist(), strict=True):
+        batch = batches[owner]
+        yield time, batch.channel, batch.payload(place)
+
+
+def first_time(bag: Bag, topics: Collection[str] | None = None) -> int:
+    """Log time of the first message in the order of the file, ns; 0 if there is none."""
+    for batch in bag.batches(topics):
+        if len(batch):
+            return int(batch.log_times.min())
+    return 0
