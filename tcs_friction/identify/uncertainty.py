@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 LEAST_EFFECT = 1e-7  # of the largest column: below, a parameter does not act at all
 
@@ -49,15 +50,15 @@ def cramer_rao(jacobian: np.ndarray, noise: np.ndarray) -> np.ndarray:
 
     jacobian (m, p); noise (k,) autocovariance of the compared samples at lags 0, 1, ... (zero beyond).
     """
-    from scipy.linalg import solve_toeplitz
-
     count = len(jacobian)
-    column = np.zeros(count)
-    column[: min(count, len(noise))] = noise[:count]
-    column[0] *= 1.0 + 1e-9
+    reach = min(count, len(noise))
+    bands = np.zeros((2 * reach - 1, count))  # the covariance has no more diagonals, and a solver for those is linear in m
+    for lag in range(reach):
+        bands[reach - 1 - lag, lag:] = bands[reach - 1 + lag, : count - lag] = noise[lag]
+    bands[reach - 1] *= 1.0 + 1e-9
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-140)
     slopes = jacobian / size
-    information = slopes.T @ solve_toeplitz(column, slopes)
+    information = slopes.T @ solve_banded((reach - 1, reach - 1), bands, slopes)
     result: np.ndarray = np.linalg.pinv(information, hermitian=True) / np.outer(size, size)
     return result
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -41,17 +42,17 @@ C = TypeVar("C", bound=ClockConfig)
 
 
 def config_file(name: str) -> Path:
-    """An existing file as named, or the one of that name in the package's config folder."""
+    """An existing file as named, or the one of that name in the config folder of the checkout or of the installed package."""
     if Path(name).is_file():
         return Path(name)
-    try:
-        folder = Path(get_package_share_directory("tcs_friction")) / "config"
-    except PackageNotFoundError:
-        folder = Path(__file__).resolve().parents[2] / "config"
-    found = folder / name
-    if found.is_file():
-        return found
-    raise InputError(name, "no such file", f"a path, or one of {', '.join(sorted(p.name for p in folder.glob('*.yaml')))}")
+    folders = [Path(__file__).resolve().parents[2] / "config"]
+    with contextlib.suppress(PackageNotFoundError):
+        folders.append(Path(get_package_share_directory("tcs_friction")) / "config")
+    for folder in folders:
+        if (folder / name).is_file():
+            return folder / name
+    known = sorted({path.name for folder in folders for path in folder.glob("*.yaml")})
+    raise InputError(name, "no such file", f"a path, or one of {', '.join(known)}")
 
 
 def control_of(file: AxisFile) -> Control:

@@ -40,7 +40,8 @@ MODES = {
 class CommissionConfig(ClockConfig):
     """The run that everything is measured on."""
 
-    reference_file: str = text("azimuth_1p2m_run.yaml", "reference of the run: a path or a name in the package's config folder")
+    reference_file: str = text("azimuth_1p2m_run.yaml", "reference whose tracking is to be improved: a path or a name in the package's config folder")
+    measure_file: str = text("azimuth_1p2m_measure.yaml", "reference on which friction is measured")
     settle: float = setting(2.0, "s", 0.0, 1e4, "beginning of the run that does not count")
     repetitions: int = setting(1, "", 1, 100, "rounds of identification and compensation when the goal names none")
     answer_limit: float = setting(5.0, "s", 0.1, 600.0, "a node that does not answer for so long is missing")
@@ -68,7 +69,8 @@ class Commission(AxisNode[CommissionConfig]):
         self._jobs = Jobs(self, self._waiter, "commission", CommissionAction, self._commission)
 
     def check(self, config: CommissionConfig, file: AxisFile) -> None:  # noqa: ARG002
-        load_reference(config_file(config.reference_file))
+        for name in (config.reference_file, config.measure_file):
+            load_reference(config_file(name))
 
     hears = ""
 
@@ -114,11 +116,12 @@ class Commission(AxisNode[CommissionConfig]):
         return self._conclude(answer, before, best, dob_error, directory)
 
     async def _run(self, name: str, mode: int, directory: Path | None, steps: _Steps, stage: str) -> Run:
-        """One run of the reference in a mode; its bag goes to the directory."""
-        reference = load_reference(config_file(self.config.reference_file))
+        """One run in a mode; its bag goes to the directory."""
+        path = config_file(self.config.measure_file if mode == SetMode.Request.MEASURE else self.config.reference_file)
+        reference = load_reference(path)
         limit = self.config.answer_limit
         await self.set_mode(mode)
-        await self._remotes.set("reference", {"reference_file": str(config_file(self.config.reference_file))}, limit)
+        await self._remotes.set("reference", {"reference_file": str(path)}, limit)
         wait_for = ["joint_states", "reference", "friction_estimate"]
         if self.config.simulated and self.config.clock == LOCK_STEP:
             start = {"start_position": reference.at(0.0)[0], "run_until": 0.0, "truth": True}
