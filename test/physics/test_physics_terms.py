@@ -1,0 +1,107 @@
+"""Declarations: parameters, instances, tables, and what is said when a value is wrong."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from physics_cases import LUGRE, TABLE, plain
+
+from tcs_friction.errors import InputError
+from tcs_friction.physics import terms
+from tcs_friction.physics.registry import effect, law
+from tcs_friction.physics.terms import Parameter, Table, geometric, instance, linear_unit, nearest, no_scan
+
+COGGING = {"order": 72.0, "amplitude": 2.0}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -0.1, 1.1, "0.5", None, True])
+def test_parameter_refuses_what_is_no_number_in_its_bounds(value: object) -> None:
+    parameter = Parameter("share", "1", "a share", lower=0.0, upper=1.0)
+    with pytest.raises(InputError, match=r"^axis: share is .*, expected a number from 0 to 1"):
+        parameter.check(value, "axis")
+
+
+@pytest.mark.parametrize("value", [0, 0.0, 0.5, 1.0])
+def test_parameter_takes_its_bounds(value: float) -> None:
+    assert Parameter("share", "1", "a share", lower=0.0, upper=1.0).check(value, "axis") == value
+
+
+@pytest.mark.parametrize(
+    ("rotary", "linear"),
+    [
+        ("N m", "N"),
+        ("N m s/rad", "N s/m"),
+        ("kg m^2", "kg"),
+        ("rad", "m"),
+        ("1/turn", "1/m"),
+        ("s", "s"),
+        ("N m/rad^3", "N/m^3"),
+    ],
+)
+def test_units_of_a_linear_axis(rotary: str, linear: str) -> None:
+    assert linear_unit(rotary) == linear
+    assert Parameter("p", rotary, "").unit_for("linear") == linear
+    assert Parameter("p", rotary, "").unit_for("rotary") == rotary
+
+
+def test_unknown_parameter_names_the_nearest() -> None:
+    with pytest.raises(InputError, match=r"unknown parameter 'amplitud', expected amplitude \(known"):
+        instance(effect("cogging"), {"order": 72.0, "amplitud": 2.0})
+
+
+def test_missing_parameter_is_named_with_its_unit() -> None:
+    with pytest.raises(InputError, match="stiffness is missing, expected a number in N m/rad"):
+        instance(law("dahl_viscous"), {"coulomb": 1.0, "viscous": 1.0})
+
+
+def test_missing_signal_and_table() -> None:
+    with pytest.raises(InputError, match="signal is missing"):
+        instance(effect("wind_torque"), {"coefficient": 1.0})
+    with pytest.raises(InputError, match="table is missing"):
+        instance(effect("learned_map"), {})
+
+
+def test_defaults_are_filled_and_values_read_only() -> None:
+    item = instance(effect("cogging"), COGGING)
+    assert item.values["phase"] == 0.0
+    assert item.values["amplitude_4"] == 0.0
+    with pytest.raises(TypeError):
+        item.values["order"] = 1.0  # type: ignore[index]
+
+
+def test_replace_checks_again_and_keeps_signal_and_table() -> None:
+    assert plain("wind_torque").replace(coefficient=3.0).signal == "wind"
+    assert plain("learned_map").replace().table is TABLE
+    with pytest.raises(InputError, match="stiffness is -1"):
+        LUGRE.replace(stiffness=-1.0)
+
+
+def test_packing_puts_the_signal_slot_behind_the_values() -> None:
+    packed = plain("wind_torque").packed(("other", "wind"))
+    assert packed.tolist() == [2.0, terms.EXOGENOUS + 1]
+    with pytest.raises(InputError, match=r"no recorded signal named 'wind', expected one of: none"):
+        plain("wind_torque").packed(())
+
+
+def test_table_coordinates_have_to_exist() -> None:
+    table = Table(("exogenous:sun",), (0.0,), (1.0,), np.zeros(2))
+    with pytest.raises(InputError, match="no coordinate 'exogenous:sun'"):
+        instance(effect("learned_map"), {}, table=table).packed(("wind",))
+
+
+def test_nearest() -> None:
+    assert nearest("coulom", ["coulomb", "static"]) == "coulomb (known: coulomb, static)"
+    assert nearest("zzz", ["coulomb", "static"]) == "one of: coulomb, static"
+
+
+def test_term_finds_its_parameters() -> None:
+    assert law("lugre").parameter("damping").unit == "N m s/rad"
+    assert law("lugre").state_size(LUGRE.values, 1e-3) == 1
+    assert effect("transport_delay").state_size({"delay": 0.01}, 1e-3) >= 11
+
+
+def test_geometric_series() -> None:
+    assert geometric(1.0, 100.0, 3) == pytest.approx([1.0, 10.0, 100.0])
+    assert list(no_scan(None)) == [{}]  # type: ignore[arg-type]
