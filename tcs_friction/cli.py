@@ -74,7 +74,14 @@ def _run(name: str, words: list[str]) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     module.add_arguments(parser)
-    return int(module.run(parser.parse_args(words)) or 0)
+    if "--ros-args" in words and getattr(module, "TAKES_ROS_ARGUMENTS", False):
+        cut = words.index("--ros-args")
+        arguments = parser.parse_args(words[:cut])
+        arguments.ros_arguments = words[cut:]
+    else:
+        arguments = parser.parse_args(words)
+        arguments.ros_arguments = []
+    return int(module.run(arguments) or 0)
 
 
 if __name__ == "__main__":

@@ -140,8 +140,8 @@ class AxisNode(Node, Generic[C]):
 
     def _report(self) -> None:
         now = time.monotonic()
-        counters = self.health.report(now)
         self._watch(now)
+        counters = self.health.report(now)
         level, message = DiagnosticStatus.OK, self.config.clock.replace("_", "-")
         if self.health.problem:
             level, message = DiagnosticStatus.ERROR, self.health.problem

@@ -40,7 +40,7 @@ MODES = {
 class CommissionConfig(ClockConfig):
     """The run that everything is measured on."""
 
-    reference_file: str = text("azimuth_1p2m_run.yaml", "reference whose tracking is to be improved: a path or a name in the package's config folder")
+    reference_file: str = text("azimuth_1p2m_run.yaml", "reference to be tracked better: a path or a name in the config folder")
     measure_file: str = text("azimuth_1p2m_measure.yaml", "reference on which friction is measured")
     settle: float = setting(2.0, "s", 0.0, 1e4, "beginning of the run that does not count")
     repetitions: int = setting(1, "", 1, 100, "rounds of identification and compensation when the goal names none")

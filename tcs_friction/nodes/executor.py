@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -54,10 +55,14 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
         gc.collect()
         gc.freeze()  # a collection of everything imported would take several control periods
         spin(executor)
+    except KeyboardInterrupt:
+        return 130
     except TcsError as error:
         print(f"tcs-friction: {error}", file=sys.stderr)
         return error.exit_status
     finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)  # a second one must not tear the first one's clean end
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()

@@ -25,15 +25,15 @@ class Health:
         self.warning = what
 
     def report(self, now: float) -> dict[str, str]:
-        """The values shown: rate since the report before, age of the last tick, counters. `now` is wall time in s."""
+        """The values shown: rate since the report before, time without a tick, counters. `now` is wall time in s."""
         then, ticks = self._before
         rate = (self.ticks - ticks) / (now - then) if then and now > then else 0.0
         self._before = (now, self.ticks)
-        age = f"{now - self.last_tick:.3f}" if self.last_tick else "none yet"
+        idle = f"{now - self.last_tick:.1f}" if self.last_tick else "no tick yet"
         counters = {
             "ticks": str(self.ticks),
             "rate [1/s]": f"{rate:.1f}",
-            "age of the last tick [s]": age,
+            "idle for [s]": idle,
             "inputs refused": str(self.refused),
             "overruns": str(self.overruns),
             "repeats": str(self.repeats),

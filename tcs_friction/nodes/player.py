@@ -5,6 +5,7 @@ Services ~/pause and ~/resume. With `clock_rate` the bag's time is published on 
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Iterator
@@ -154,8 +155,10 @@ class PlayerNode(Node):
             begin = self._first + int(self._config.start_offset * SECOND)
             again = True
             while again and not self.pace.stopped:
+                messages = in_log_order(self._bag, self._topics, begin)
+                head = list(itertools.islice(messages, 1))  # found before the time runs
                 self.pace.start(begin)
-                played = self._play_once(in_log_order(self._bag, self._topics, begin))
+                played = self._play_once(itertools.chain(head, messages))
                 again = self._config.loop and played > 0
             for note in self._bag.notes:
                 self.get_logger().warning(note)

@@ -1,0 +1,30 @@
+"""Run the whole graph of an axis until it is interrupted: all nodes on one executor, or one process each.
+
+What follows --ros-args goes to every node, for example: ./tcs graph --ros-args -p clock:=real_time
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from tcs_friction.errors import InputError
+
+TAKES_ROS_ARGUMENTS = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    axis, reference = "azimuth_1p2m.yaml", "azimuth_1p2m_run.yaml"
+    parser.add_argument("axis", nargs="?", default=axis, metavar="AXIS.yaml", help="axis file (default: %(default)s)")
+    parser.add_argument("--reference", default=reference, metavar="REF.yaml", help="reference file (default: %(default)s)")
+    parser.add_argument("--processes", action="store_true", help="one process for each node")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the graph."""
+    try:
+        from tcs_friction.nodes import graph
+    except ModuleNotFoundError as error:
+        raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
+    ros_arguments = graph.arguments_for(arguments.axis, arguments.reference, arguments.ros_arguments)
+    return graph.run_processes(ros_arguments) if arguments.processes else graph.run_together(ros_arguments)
