@@ -118,31 +118,41 @@ def load_axis(path: Path) -> AxisFile:
     return AxisFile(axis, signals, control)
 
 
-def parse_axis(value: object, where: str = "axis") -> Axis:
-    """The `axis:` block as an Axis."""
-    where = f"{where}: axis"
+def parse_axis(value: object, source: str = "axis") -> Axis:
+    """The `axis:` block of `source` (a file, say) as an Axis."""
+    where = f"{source}: axis"
     block = mapping(value, where, AXIS_KEYS)
     for key in ("inertia", "friction"):
         if key not in block:
             raise InputError(
                 where, f"{key} is missing", "a positive number" if key == "inertia" else "a friction law"
             )
-    return Axis(
-        name=str(block.get("name", "axis")),
-        inertia=_number(block["inertia"], f"{where}: inertia"),
-        friction=_parse_friction(block["friction"], f"{where}: friction"),
-        effects=_parse_effects(block.get("effects") or [], f"{where}: effects"),
-        kind=str(block.get("kind", "rotary")),
-        actuation_delay=_number(block.get("actuation_delay", 0.0), f"{where}: actuation_delay"),
-        sensors=_parse_numbers(Sensors, block.get("sensors") or {}, f"{where}: sensors"),
-        drive=_parse_numbers(Drive, block.get("drive") or {}, f"{where}: drive"),
-    )
+    parts: dict[str, Any] = {
+        "name": str(block.get("name", "axis")),
+        "inertia": _number(block["inertia"], f"{where}: inertia"),
+        "friction": _parse_friction(block["friction"], f"{where}: friction"),
+        "effects": _parse_effects(_given(block, "effects", []), f"{where}: effects"),
+        "kind": str(block.get("kind", "rotary")),
+        "actuation_delay": _number(block.get("actuation_delay", 0.0), f"{where}: actuation_delay"),
+        "sensors": _parse_numbers(Sensors, _given(block, "sensors", {}), f"{where}: sensors"),
+        "drive": _parse_numbers(Drive, _given(block, "drive", {}), f"{where}: drive"),
+    }
+    try:
+        return Axis(**parts)
+    except InputError as error:
+        raise InputError(f"{source}: {error.where}", error.found, error.expected) from None
+
+
+def _given(block: Mapping[str, Any], key: str, default: object) -> object:
+    """The key's value, or the default where it is absent or left empty."""
+    value = block.get(key)
+    return default if value is None else value
 
 
 def parse_control(value: object, where: str = "control") -> Control:
     """The `control:` block."""
     block = mapping(value, where, tuple(entry.name for entry in fields(Control)))
-    kinds = {
+    kinds: dict[str, Any] = {
         "controller": PidConfig,
         "observer": DobConfig,
         "compensator": CompensatorConfig,
@@ -152,7 +162,7 @@ def parse_control(value: object, where: str = "control") -> Control:
         name: from_mapping(kinds[name], mapping(part, f"{where}: {name}"), f"{where}: {name}")
         for name, part in block.items()
     }
-    return Control(**parts)  # type: ignore[arg-type]
+    return Control(**parts)
 
 
 def _number(value: object, where: str) -> float:
@@ -202,7 +212,7 @@ def _parse_effect(value: object, where: str) -> Instance:
     if "effect" not in block:
         raise InputError(where, "effect is missing", "the name of an effect")
     term = effect(str(block["effect"]), where)
-    parameters = mapping(block.get("parameters") or {}, f"{where} {term.id}: parameters")
+    parameters = mapping(_given(block, "parameters", {}), f"{where} {term.id}: parameters")
     values = {name: _numeric(entry) for name, entry in parameters.items()}
     table = (
         _parse_table(block["table"], f"{where} {term.id}: table") if block.get("table") is not None else None

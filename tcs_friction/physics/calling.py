@@ -25,7 +25,7 @@ def addresses(kernels: Sequence[Kernel]) -> np.ndarray:
     )
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def call_kernel(typing_context: Any, address: Any, motion: Any, parameters: Any, state: Any, dt: Any) -> Any:
     """In compiled code: the kernel at `address` called with the arguments of the one signature."""
 

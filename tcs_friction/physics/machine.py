@@ -82,7 +82,10 @@ class Machine(NamedTuple):
 def build(
     axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (), position: float = 0.0
 ) -> Machine:
-    """Pack an axis for instants `dt` (s) apart, of which `substeps` make a control period. It starts at rest at `position` (rad)."""
+    """Pack an axis for instants `dt` (s) apart, of which `substeps` make a control period.
+
+    It starts at rest at `position` (rad), which the encoder has seen already.
+    """
     terms = axis.terms
     kernels = addresses([item.term.kernel for item in terms])
     ends = np.cumsum([sum(item.term.place is place for item in terms) for place in Place])
@@ -114,6 +117,9 @@ def build(
     )
     body = np.zeros(10)
     body[[TRUE_POSITION, MEASURED, LAST_MIDDLE]] = position
+    for item, values in zip(terms, packed, strict=True):
+        if item.term.place is Place.SENSOR:
+            body[MEASURED] += item.term.kernel(motion, values, np.zeros(item.term.state_size(item.values, dt)), dt)
     return Machine(
         kernels,
         ends.astype(np.int64),
@@ -132,7 +138,7 @@ def _call(m: Machine, k: int, dt: float) -> float:
     """One kernel on its own slice of parameters and states."""
     parameters = m.parameters[m.parameter_ends[k] : m.parameter_ends[k + 1]]
     state = m.states[m.state_ends[k] : m.state_ends[k + 1]]
-    return call_kernel(m.kernels[k], m.motion, parameters, state, dt)
+    return float(call_kernel(m.kernels[k], m.motion, parameters, state, dt))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -177,7 +183,10 @@ def advance(m: Machine, torque: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float) -> float:
-    """One control period: hold the command over the substeps, then measure. Returns the torque that the drive was told to apply."""
+    """One control period: hold the command over the substeps, then measure.
+
+    Returns the torque that the drive was told to apply, N m.
+    """
     body, constants = m.body, m.constants
     limit = constants[TORQUE_LIMIT]
     applied = min(max(command, -limit), limit)
@@ -194,7 +203,7 @@ def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float
     decay = constants[VELOCITY_DECAY]
     body[MEASURED_VELOCITY] = decay * body[MEASURED_VELOCITY] + (1.0 - decay) * raw
     body[MEASURED] = position
-    return applied
+    return float(applied)
 
 
 @njit(cache=True, error_model="numpy")

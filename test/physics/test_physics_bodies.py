@@ -78,4 +78,4 @@ def test_momentum_is_conserved_through_the_spring() -> None:
     push = np.zeros(20000)
     push[:200] = 100.0
     result = simulate_open_loop(Axis("test", INERTIA, free, (item,)), push, 1e-4, substeps=1)
-    assert result.velocity[-1] == pytest.approx(100.0 * 0.02 / INERTIA, rel=1e-3)
+    assert result.velocity[-1] == pytest.approx(100.0 * 0.02 / INERTIA, rel=5e-3)

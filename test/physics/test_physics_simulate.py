@@ -146,3 +146,11 @@ def test_an_axis_is_linear_when_it_says_so() -> None:
     one = simulate_open_loop(Axis("a", 1000.0, LUGRE, (per_turn,)), torque, 1e-3)
     other = simulate_open_loop(Axis("a", 1000.0, LUGRE, (plain("cogging"),), kind="linear"), torque, 1e-3)
     assert other.position == pytest.approx(one.position, abs=1e-12)
+
+
+def test_encoder_error_at_the_start_is_no_jump() -> None:
+    """The encoder has seen the start position already: at rest its velocity is zero from the first tick on."""
+    simulator = Simulator(axis_with("encoder_periodic_error", friction=COULOMB), position=0.3)
+    assert simulator.measured_position == pytest.approx(0.3 + 1e-4 * math.sin(40.0 * 0.3 + 0.4))
+    simulator.step(0.0)
+    assert simulator.measured_velocity == 0.0

@@ -38,7 +38,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
         state[0], state[1], state[2] = 1.0, 0.0, motion[VELOCITY]
         return 0.0
     shaft = motion[TRAVEL] / dt
-    pieces = min(max(int(math.ceil(omega * dt / 0.2)), 1), 50)
+    pieces = min(max(math.ceil(omega * dt / 0.2), 1), 50)
     step = dt / pieces
     deflection, rate, impulse = state[1], state[2] - shaft, 0.0
     for _ in range(pieces):

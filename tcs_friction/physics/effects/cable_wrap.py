@@ -10,7 +10,7 @@ from tcs_friction.physics.terms import POSITION, Parameter, Place, Role, Term, k
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     twist = motion[POSITION] - parameters[2]
-    return (parameters[0] + parameters[1] * twist * twist) * twist
+    return float((parameters[0] + parameters[1] * twist * twist) * twist)
 
 
 TERM = Term(

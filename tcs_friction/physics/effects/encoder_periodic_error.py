@@ -10,7 +10,7 @@ from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, 
 
 @kernel
 def error(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    return parameters[1] * math.sin(parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2])
+    return float(parameters[1] * math.sin(parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]))
 
 
 TERM = Term(

@@ -10,7 +10,7 @@ from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    return parameters[0] * math.sin(motion[CYCLE] * motion[POSITION] + parameters[1])
+    return float(parameters[0] * math.sin(motion[CYCLE] * motion[POSITION] + parameters[1]))
 
 
 TERM = Term(

@@ -10,7 +10,7 @@ from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Term, kerne
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    return parameters[1] * math.sin(2.0 * math.pi * parameters[0] * motion[TIME] + parameters[2])
+    return float(parameters[1] * math.sin(2.0 * math.pi * parameters[0] * motion[TIME] + parameters[2]))
 
 
 TERM = Term(

@@ -24,7 +24,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     angle = 2.0 * motion[CYCLE] * motion[POSITION] + parameters[1]
     inertia = motion[INERTIA]
     motion[INERTIA] = inertia * (1.0 + parameters[0] * math.cos(angle))
-    return -inertia * parameters[0] * motion[CYCLE] * math.sin(angle) * motion[VELOCITY] ** 2
+    return float(-inertia * parameters[0] * motion[CYCLE] * math.sin(angle) * motion[VELOCITY] ** 2)
 
 
 TERM = Term(

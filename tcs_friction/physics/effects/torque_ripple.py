@@ -11,7 +11,7 @@ from tcs_friction.physics.terms import CYCLE, POSITION, TORQUE, Parameter, Place
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     angle = parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]
-    return motion[TORQUE] * (1.0 + parameters[1] * math.cos(angle))
+    return float(motion[TORQUE] * (1.0 + parameters[1] * math.cos(angle)))
 
 
 TERM = Term(

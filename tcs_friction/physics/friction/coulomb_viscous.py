@@ -29,12 +29,12 @@ def static_friction(motion: Any, level: float, viscous: float) -> float:
     motion[LEVEL] = level
     motion[MOBILISED] = min(max((motion[ARREST] - motion[VISCOUS]) / level, -1.0), 1.0)
     motion[DRY] = level * motion[MOBILISED]
-    return motion[DRY] + motion[VISCOUS]
+    return float(motion[DRY] + motion[VISCOUS])
 
 
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    return static_friction(motion, parameters[0], parameters[1])
+    return float(static_friction(motion, parameters[0], parameters[1]))
 
 
 TERM = Term(

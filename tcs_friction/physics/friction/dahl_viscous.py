@@ -32,7 +32,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     motion[VISCOUS] = viscous * motion[VELOCITY] * motion[VISCOUS_SCALE]
     motion[LEVEL] = level
     motion[MOBILISED] = min(max(motion[DRY] / level, -1.0), 1.0)
-    return motion[DRY] + motion[VISCOUS]
+    return float(motion[DRY] + motion[VISCOUS])
 
 
 TERM = Term(

@@ -44,7 +44,7 @@ def stribeck_level(velocity: float, coulomb: float, static: float, stribeck_velo
 @njit(cache=True, error_model="numpy")
 def scaled(motion: Any, level: float) -> float:
     """The level after the SCALE terms, N m; it stays positive whatever they do."""
-    return max((level + motion[EXTRA_LEVEL]) * motion[DRY_SCALE], 1e-3 * level)
+    return float(max((level + motion[EXTRA_LEVEL]) * motion[DRY_SCALE], 1e-3 * level))
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,7 +68,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     motion[VISCOUS] = sigma2 * v * motion[VISCOUS_SCALE]
     motion[LEVEL] = g
     motion[MOBILISED] = min(max(sigma0 * z / g, -1.0), 1.0)
-    return motion[DRY] + motion[VISCOUS]
+    return float(motion[DRY] + motion[VISCOUS])
 
 
 def warnings(values: Mapping[str, float]) -> list[str]:
