@@ -1,7 +1,5 @@
 """Reading an hour of JointState at 1 kHz: this package beside rosbags' AnyReader and mcap-ros2-support.
 
-    python -m benchmarks.bag [--seconds 3600] [--full] [--compression zstd] [--json]
-
 All three give the same columns (stamp, position, velocity, effort of one joint), which is checked. The slow readers read the
 first tenth and are scaled up, unless --full. Every reader runs in a process of its own, whose peak memory is
 counted from after its imports; this package's includes its compiled kernels.
@@ -10,10 +8,8 @@ counted from after its imports; this package's includes its compiled kernels.
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
 import os
-import platform
 import resource
 import tempfile
 import time
@@ -24,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcs_friction.errors import JobError
 from tcs_friction.recording.bags import Bag, read_columns
 from tcs_friction.recording.encode import joint_states
 from tcs_friction.recording.signals import SignalSource
@@ -50,10 +47,10 @@ def make_bag(path: Path, seconds: float, compression: str) -> None:
     write_bag(path, [joint_states(TOPIC, times, joints)], compression)
 
 
-def ours(bag: Path, limit: int | None) -> Columns:
+def ours(bag: Path, _: int | None) -> Columns:
     """This package."""
     sources = {kind: SignalSource(TOPIC, kind, JOINT) for kind in FIELDS}
-    columns, _ = read_columns(Bag(bag), list(sources.values()))
+    columns, _notes = read_columns(Bag(bag), list(sources.values()))
     found = columns[TOPIC]
     assert found.stamps is not None
     return {"stamp": found.stamps, **{kind: found.values[source] for kind, source in sources.items()}}
@@ -91,8 +88,9 @@ def _message_by_message(messages: Any, limit: int | None) -> Columns:
     return {name: np.array(values) for name, values in rows.items()}
 
 
+OURS = "tcs_friction"
 READERS: dict[str, Callable[[Path, int | None], Columns]] = {
-    "tcs_friction": ours,
+    OURS: ours,
     "rosbags AnyReader": any_reader,
     "mcap-ros2-support": mcap_ros2,
 }
@@ -107,7 +105,9 @@ def _measure(name: str, bag: Path, small: Path, limit: int | None, out: str) -> 
     columns = READERS[name](bag, limit)
     seconds = time.perf_counter() - begin
     peak = _memory("VmHWM") - before
-    np.savez(out, seconds=seconds, peak=peak, size=sum(column.nbytes for column in columns.values()), **columns)
+    size = sum(column.nbytes for column in columns.values())
+    measured: Columns = {"seconds": np.array(seconds), "peak": np.array(peak), "size": np.array(size), **columns}
+    np.savez(out, allow_pickle=False, **measured)
 
 
 def _memory(what: str) -> int:
@@ -117,57 +117,47 @@ def _memory(what: str) -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def run(seconds: float = 3600.0, full: bool = False, compression: str = "zstd") -> dict[str, Any]:
-    """Make the bag, read it with every reader, compare. Raises AssertionError if columns differ."""
-    count = int(seconds * RATE)
-    results: list[dict[str, Any]] = []
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of this benchmark."""
+    parser.add_argument("--seconds", type=float, default=3600.0, help="length of the recording")
+    parser.add_argument("--full", action="store_true", help="let the slow readers read everything")
+    parser.add_argument("--compression", choices=("none", "lz4", "zstd"), default="zstd", help="of the chunks")
+
+
+def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows: rate and seconds of every reader, peak memory of ours. Raises AssertionError if columns differ."""
+    count = int(arguments.seconds * RATE)
+    compression = "" if arguments.compression == "none" else arguments.compression
     with tempfile.TemporaryDirectory() as folder:
         bag, small = Path(folder, "bag"), Path(folder, "small")
-        make_bag(bag, seconds, compression)
+        make_bag(bag, arguments.seconds, compression)
         make_bag(small, 1.0, compression)
-        reference: Any = None
-        rates: dict[str, float] = {}
-        for name in READERS:
-            limit = None if full or name == "tcs_friction" else count // SHARE
-            out = os.path.join(folder, "out.npz")
-            process = multiprocessing.get_context("spawn").Process(target=_measure, args=(name, bag, small, limit, out))
-            process.start()
-            process.join()
-            if process.exitcode:
-                raise RuntimeError(f"{name} ended with {process.exitcode}")
-            with np.load(out) as measured:
-                found = {key: measured[key] for key in measured.files}
-            reference = reference or found
-            for key in ("stamp", *FIELDS):
-                assert np.array_equal(found[key], reference[key][: limit or count]), f"{name}: {key} differs"
-            rates[name] = len(found["stamp"]) / float(found["seconds"])
-            results.append({"name": f"{name}: rate", "value": rates[name], "unit": "messages/s"})
-            results.append({"name": f"{name}: seconds for {count} messages" + ("" if limit is None else " (scaled)"),
-                            "value": count / rates[name], "unit": "s"})  # fmt: skip
-            if name == "tcs_friction":
-                ratio = float(found["peak"] / found["size"])
-                results.append({"name": "peak memory over size of columns", "value": ratio, "unit": "1", "beside": 3.0})
-    beside = max(rate for name, rate in rates.items() if name != "tcs_friction")
-    results[0] |= {"beside": beside, "ratio": rates["tcs_friction"] / beside}
-    machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count(), "python": platform.python_version()}
-    return {"benchmark": "bag", "results": results, "machine": machine}
+        limits = {name: None if arguments.full or name == OURS else count // SHARE for name in READERS}
+        found = {name: _in_own_process(name, bag, small, limit, folder) for name, limit in limits.items()}
+    for name, columns in found.items():
+        for key in ("stamp", *FIELDS):
+            assert len(columns[key]) == (limits[name] or count), f"{name}: messages missing"
+            assert np.array_equal(columns[key], found[OURS][key][: len(columns[key])]), f"{name}: {key} differs"
+    rates = {name: len(columns["stamp"]) / float(columns["seconds"]) for name, columns in found.items()}
+    fastest = max(rate for name, rate in rates.items() if name != OURS)
+    memory = float(found[OURS]["peak"] / found[OURS]["size"])
+    rows: list[dict[str, Any]] = [
+        {"name": f"{OURS} beside the fastest other", "value": rates[OURS], "unit": "messages/s", "beside": fastest,
+         "ratio": rates[OURS] / fastest},
+        {"name": "peak memory over the columns' size (bar: 3)", "value": memory, "unit": "1"},
+    ]  # fmt: skip
+    for name, rate in rates.items():
+        how = "" if limits[name] is None else f", from {limits[name]}"
+        rows.append({"name": f"{name}: {count} messages{how}", "value": count / rate, "unit": "s"})
+    return rows
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=3600.0)
-    parser.add_argument("--full", action="store_true", help="let the slow readers read everything")
-    parser.add_argument("--compression", choices=("", "lz4", "zstd"), default="zstd")
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
-    result = run(arguments.seconds, arguments.full, arguments.compression)
-    if arguments.json:
-        print(json.dumps(result))
-        return
-    for row in result["results"]:
-        ratio = f"  ({row['ratio']:.1f} times the fastest other)" if "ratio" in row else ""
-        print(f"{row['name']:60} {row['value']:14.4g} {row['unit']}{ratio}")
-
-
-if __name__ == "__main__":
-    main()
+def _in_own_process(name: str, bag: Path, small: Path, limit: int | None, folder: str) -> dict[str, Any]:
+    out = os.path.join(folder, "out.npz")
+    process = multiprocessing.get_context("spawn").Process(target=_measure, args=(name, bag, small, limit, out))
+    process.start()
+    process.join()
+    if process.exitcode:
+        raise JobError(f"bench bag: {name}", f"ended with status {process.exitcode}", "mcap and mcap-ros2-support installed")
+    with np.load(out) as measured:
+        return {key: measured[key] for key in measured.files}

@@ -7,6 +7,7 @@ Neither is carried over a gap (clock.GAP_PERIODS usual periods of that topic, at
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording import clock
-from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
+from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns, counted
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
@@ -31,7 +32,7 @@ class _Base:
     """The time base: rows of the position topic in order, their times, and how its header relates to the log."""
 
     columns: TopicColumns
-    rows: NDArray[np.intp]
+    rows: NDArray[np.intp] | slice
     times: Nanoseconds
     restarts: tuple[int, ...]
     headers: bool
@@ -52,7 +53,7 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
         if signal.topic == base.columns.topic:
             column = base.columns.values[signal][base.rows]
         else:
-            column = _from_other_topic(base, columns[signal.topic], name, signal, source, told)
+            column = _from_other_topic(base, columns[signal.topic], name, signal, told)
         values[name] = _usable(column, fine, name, signal, needed, source, told)
     return _cut(base, fine, values, signals, source, told)
 
@@ -71,7 +72,9 @@ def _base(columns: TopicColumns, position: SignalSource, source: str, told: list
     told.extend(f"{columns.topic}: {note}" for note in line.notes)
     if len(line.times) < 2:
         raise InputError(source, f"{len(line.times)} messages with {position}", "at least 2")
-    rows = line.rows if present is None else present[line.rows]
+    rows: NDArray[np.intp] | slice = line.rows if present is None else present[line.rows]
+    if len(line.rows) == len(columns):
+        rows = slice(None) if not line.notes else rows  # nothing left out or sorted: no copies
     offset = int(np.median(columns.stamps - columns.log_times)) if headers and columns.stamps is not None else 0
     return _Base(columns, rows, line.times, line.restarts, headers, offset)
 
@@ -86,7 +89,7 @@ def _has_headers(columns: TopicColumns, told: list[str]) -> bool:
 
 
 def _from_other_topic(
-    base: _Base, columns: TopicColumns, name: str, signal: SignalSource, source: str, told: list[str]
+    base: _Base, columns: TopicColumns, name: str, signal: SignalSource, told: list[str]
 ) -> Column:
     values = columns.values[signal]
     usable = np.isfinite(values)
@@ -168,31 +171,34 @@ def _cut(
 ) -> Recording:
     limit = clock.gap_limit(base.times)
     kept = np.flatnonzero(fine)
+    whole = len(kept) == len(fine)
     if len(kept) < 2:
         raise InputError(source, f"{len(kept)} samples with position and torque", "at least 2")
-    times = base.times[kept]
+    times = base.times if whole else base.times[kept]
     steps = np.diff(times)
     breaks = (steps > limit) | (np.diff(kept) > 1)
     for restart in base.restarts:
         after = int(np.searchsorted(kept, restart))
         if 0 < after < len(kept):
             breaks[after - 1] = True
-    gaps = int(np.count_nonzero(steps > limit))
     if missing := clock.dropped(base.times):
-        told.append(f"{base.columns.topic}: {missing} messages missing at the usual period of {clock.usual_period(base.times) * 1e-9:.6g} s")
-    if gaps:
-        told.append(f"{gaps} gaps longer than {limit * 1e-9:.6g} s ({clock.GAP_PERIODS:g} usual periods), longest {steps.max() * 1e-9:.6g} s")
+        period = clock.usual_period(base.times) * 1e-9
+        told.append(f"{base.columns.topic}: {counted(missing, 'message')} missing at the usual period of {period:.6g} s")
+    if gaps := int(np.count_nonzero(steps > limit)):
+        stated = f"{limit * 1e-9:.6g} s ({clock.GAP_PERIODS:g} usual periods)"
+        told.append(f"{counted(gaps, 'gap')} longer than {stated}, longest {steps.max() * 1e-9:.6g} s; cut there")
     bounds = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(times)]
-    segments = tuple(slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b - a >= 2)
+    segments = tuple(slice(a, b) for a, b in itertools.pairwise(bounds) if b - a >= 2)
     if not segments:
         raise InputError(source, "no two samples without a gap between them", "a stretch of samples")
 
     def chosen(name: str) -> Column | None:
         column = values.get(name)
-        return None if column is None else column[kept]
+        return column if column is None or whole else column[kept]
 
     position, torque = chosen("position"), chosen("torque")
-    assert position is not None and torque is not None  # _usable has raised otherwise
+    assert position is not None  # _usable has raised otherwise
+    assert torque is not None
     exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
     seconds = (times - times[0]) * 1e-9
     return Recording(

@@ -21,7 +21,7 @@ from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource, nearest
-from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, Unpackable, unpack, unpack_file, zstd
+from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
 
 Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan
 SCANS: dict[bytes, type[Scan]] = {
@@ -184,7 +184,7 @@ class Bag:
             try:
                 parts.append(_message(payload))
                 whole.append(index)
-            except Unpackable:
+            except UnpackError:
                 self.damage.add("messages that cannot be unpacked", len(payload), 1)
         lengths = np.array([len(part) for part in parts], dtype=np.int64)
         starts = np.cumsum(lengths) - lengths
@@ -197,7 +197,7 @@ def _message(payload: bytes) -> bytes:
     try:
         size = zstd.get_frame_info(payload).decompressed_size
     except (zstd.ZstdError, ValueError):
-        raise Unpackable("broken head") from None
+        raise UnpackError("broken head") from None
     return unpack(payload, "zstd", size if size is not None else 0)
 
 

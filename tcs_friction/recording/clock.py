@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,7 +62,7 @@ def _straighten(
     restarts: list[int] = []
     late = duplicates = kept = 0
     last = 0
-    for number, (start, stop) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+    for number, (start, stop) in enumerate(itertools.pairwise(starts)):
         part = times[start:stop]
         if number:
             pause = max(int(log_times[rows[start]] - log_times[rows[start - 1]]), period)
@@ -94,7 +95,7 @@ def _without_strays(stamps: Nanoseconds) -> NDArray[np.intp]:
     keep = np.ones(len(stamps), dtype=np.bool_)
     bounds = [0, *edges.tolist(), len(stamps)]
     anchor: int | None = None  # last stamp of the last run that was kept
-    for index, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+    for index, (start, stop) in enumerate(itertools.pairwise(bounds)):
         following = int(stamps[stop]) if stop < len(stamps) else None
         short = stop - start <= STRAY_RUN and len(bounds) > 2
         if short and _goes_on(anchor, following, index == 0, len(stamps)):

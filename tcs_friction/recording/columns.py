@@ -32,3 +32,8 @@ class TopicColumns:
 
     def __len__(self) -> int:
         return len(self.log_times)
+
+
+def counted(number: int, what: str) -> str:
+    """`1 message`, `2 messages`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"

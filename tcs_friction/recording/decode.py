@@ -14,7 +14,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.recording import kernels
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
 from tcs_friction.recording.definitions import Channel, full_name, types_of
-from tcs_friction.recording.layout import Layout, Malformed, layout
+from tcs_friction.recording.layout import Layout, MalformedError, layout
 from tcs_friction.recording.recording import Column
 from tcs_friction.recording.signals import SignalSource, nearest
 from tcs_friction.recording.targets import stamp_path, target
@@ -107,7 +107,7 @@ class Decoder:
         try:
             raw = batch.payload(index)
             fresh = layout(raw, self._types, self._msgtype, self._ros1, self._targets, self.stamp)
-        except Malformed:
+        except MalformedError:
             assigned[index] = -2
             return None
         self.names.update(dict.fromkeys(fresh.names))
@@ -120,12 +120,12 @@ class Decoder:
         chosen = assigned == number
         whole = bool(chosen.all())
 
-        def column(offset: int, code: str) -> NDArray[np.generic]:
+        def column(offset: int, code: str) -> NDArray[Any]:
             out = np.empty((len(batch), int(code[2])), dtype=np.uint8)
             kernels.gather(batch.buffer, batch.starts, assigned, number, offset, out)
             return out.view(code)[:, 0]
 
-        def place(into: NDArray[np.generic], values: NDArray[np.generic]) -> None:
+        def place(into: NDArray[Any], values: NDArray[Any]) -> None:
             if whole:
                 into[:] = values
             else:
@@ -158,7 +158,7 @@ class Decoder:
             stamps[index] = seconds * SECOND + int(np.frombuffer(raw, f"{fresh.order}u4", 1, fresh.stamp + 4)[0])
 
 
-class _Column:
+class Blocks:
     """Values that come in parts. They lie in large blocks, which go back to the system one by one as they are joined."""
 
     def __init__(self, kind: type) -> None:
@@ -179,7 +179,7 @@ class _Column:
             self.room -= count
 
     def joined(self) -> NDArray[Any]:
-        whole = np.empty(len(self.blocks) * BLOCK_ROWS - self.room, dtype=self.kind)
+        whole: NDArray[Any] = np.empty(len(self.blocks) * BLOCK_ROWS - self.room, dtype=self.kind)
         self.blocks.reverse()
         for start in range(0, len(whole), BLOCK_ROWS):
             part = whole[start : start + BLOCK_ROWS]
@@ -194,10 +194,10 @@ class _Growing:
         self.topic = topic
         self.sources = tuple(dict.fromkeys(sources))
         self.decoders: dict[Channel, Decoder] = {}
-        self.log_times = _Column(np.int64)
-        self.stamps = _Column(np.int64)
-        self.values = [_Column(np.float64) for _ in self.sources]
-        self.absent = [_Column(np.bool_) for _ in self.sources]
+        self.log_times = Blocks(np.int64)
+        self.stamps = Blocks(np.int64)
+        self.values = [Blocks(np.float64) for _ in self.sources]
+        self.absent = [Blocks(np.bool_) for _ in self.sources]
         self.spoilt = self.count = 0
 
     def add(self, batch: Batch, bag: str) -> None:

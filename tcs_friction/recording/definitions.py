@@ -113,7 +113,7 @@ def type_name(desc: FieldDesc) -> str | None:
         return str(desc[1])
     if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE):
         inner = desc[1][0]
-        return str(inner[1]) if inner[0] == Nodetype.NAME else None  # type: ignore[index]
+        return str(inner[1]) if inner[0] == Nodetype.NAME else None
     return None
 
 
@@ -134,8 +134,8 @@ def _paths(types: Types, msgtype: str, prefix: str) -> Iterator[str]:
                 yield from _paths(types, str(detail), f"{path}.")
         else:
             inner = detail[0]
-            if inner[0] == Nodetype.NAME:  # type: ignore[comparison-overlap]
+            if inner[0] == Nodetype.NAME:
                 if inner[1] not in TIMES:
                     yield from _paths(types, str(inner[1]), f"{path}[0].")
-            elif inner[1][0] not in ("string", "wstring"):  # type: ignore[index]
+            elif inner[1][0] not in ("string", "wstring"):
                 yield path

@@ -28,7 +28,8 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 OWN_TYPES = {
     "tcs_friction_msgs/msg/AxisReference": "std_msgs/Header header\nfloat64 position\nfloat64 velocity\nfloat64 acceleration",
     "tcs_friction_msgs/msg/AxisTorque": "std_msgs/Header header\nfloat64 torque",
-    "tcs_friction_msgs/msg/FrictionEstimate": "std_msgs/Header header\nfloat64 torque\nfloat64 velocity\nfloat64 residual\nbool valid",
+    "tcs_friction_msgs/msg/FrictionEstimate": "std_msgs/Header header\nfloat64 torque\nfloat64 velocity\n"
+    "float64 residual\nbool valid",
 }
 """The fields of this project's messages that recordings hold; msg_defs has them with their comments."""
 
@@ -42,11 +43,11 @@ SIMPLE_TYPES = (
 
 @dataclass(frozen=True, eq=False)
 class TopicData:
-    """Messages of one topic to write. times: (n,) ns log times; messages: (n, size) bytes, or n of any size."""
+    """Messages of one topic to write. times: (n,) ns log times; messages: (n, size) bytes, all of one layout."""
 
     channel: Channel
     times: Nanoseconds
-    messages: NDArray[np.uint8] | Sequence[bytes]
+    messages: NDArray[np.uint8]
 
 
 @functools.cache
@@ -137,13 +138,12 @@ def empty(msgtype: str) -> Any:
 
 
 def _empty(desc: FieldDesc) -> Any:
-    kind, detail = desc
-    if kind == Nodetype.NAME:
-        return empty(str(detail))
-    if kind == Nodetype.BASE:
-        return "" if detail[0] in ("string", "wstring") else 0
-    inner, count = detail
-    count = count if kind == Nodetype.ARRAY else 0
-    if inner[0] == Nodetype.BASE and inner[1][0] not in ("string", "wstring"):  # type: ignore[index,comparison-overlap]
-        return np.zeros(count, dtype=inner[1][0])  # type: ignore[index]
-    return [_empty(inner) for _ in range(count)]  # type: ignore[arg-type]
+    if desc[0] == Nodetype.NAME:
+        return empty(desc[1])
+    if desc[0] == Nodetype.BASE:
+        return "" if desc[1][0] in ("string", "wstring") else 0
+    inner, bound = desc[1]
+    count = bound if desc[0] == Nodetype.ARRAY else 0
+    if inner[0] == Nodetype.BASE and inner[1][0] not in ("string", "wstring"):
+        return np.zeros(count, dtype=inner[1][0])
+    return [_empty(inner) for _ in range(count)]

@@ -25,25 +25,25 @@ MESSAGE_HEAD = HEAD + 22
 
 
 @numba.njit(types.int64(BYTES, types.int64), cache=True, inline="always")
-def read_u64(buffer, at):
+def read_u64(buffer: Buffer, at: int) -> int:
     """Little-endian 64-bit number; above 2^63 it comes out negative and counts as damage."""
     value = np.int64(0)
     for index in range(8):
         value |= np.int64(buffer[at + index]) << np.int64(8 * index)
-    return value
+    return value  # type: ignore[return-value]
 
 
 @numba.njit(types.int64(BYTES, types.int64), cache=True, inline="always")
-def read_u32(buffer, at):
+def read_u32(buffer: Buffer, at: int) -> int:
     """Little-endian 32-bit number."""
     value = np.int64(0)
     for index in range(4):
         value |= np.int64(buffer[at + index]) << np.int64(8 * index)
-    return value
+    return value  # type: ignore[return-value]
 
 
 @numba.njit(types.UniTuple(types.int64, 2)(BYTES, types.int64, types.int64), cache=True)
-def count_mcap_messages(buffer, start, stop):
+def count_mcap_messages(buffer: Buffer, start: int, stop: int) -> tuple[int, int]:
     """How many whole message records follow one another from `start`, and where the run of them ends."""
     count = 0
     at = start
@@ -57,7 +57,9 @@ def count_mcap_messages(buffer, start, stop):
 
 
 @numba.njit(types.void(BYTES, types.int64, WORDS, WORDS, WORDS, WORDS), cache=True)
-def list_mcap_messages(buffer, start, channels, log_times, starts, lengths):
+def list_mcap_messages(
+    buffer: Buffer, start: int, channels: Longs, log_times: Longs, starts: Longs, lengths: Longs
+) -> None:
     """Fill in channel, log time (ns), payload offset and length of the messages that the count has found."""
     at = start
     for index in range(len(channels)):
@@ -72,7 +74,9 @@ def list_mcap_messages(buffer, start, channels, log_times, starts, lengths):
 @numba.njit(
     types.int64(BYTES, LONGS, LONGS, types.int64[::1], types.int64, LONGS, BYTES, types.int64), cache=True
 )
-def match_layout(buffer, starts, lengths, assigned, number, offsets, content, size):
+def match_layout(
+    buffer: Buffer, starts: Longs, lengths: Longs, assigned: Longs, number: int, offsets: Longs, content: Buffer, size: int
+) -> int:
     """Give layout `number` to the messages without one (-1) whose structure bytes are its; how many stay without."""
     left = 0
     for index in range(len(starts)):
@@ -93,7 +97,7 @@ def match_layout(buffer, starts, lengths, assigned, number, offsets, content, si
 
 
 @numba.njit(types.void(BYTES, LONGS, LONGS, types.int64, types.int64, types.uint8[:, ::1]), cache=True)
-def gather(buffer, starts, assigned, number, offset, out):
+def gather(buffer: Buffer, starts: Longs, assigned: Longs, number: int, offset: int, out: Buffer) -> None:
     """Copy out.shape[1] bytes at `offset` of each message with layout `number` into its row of `out`."""
     size = out.shape[1]
     for index in range(len(starts)):
@@ -104,7 +108,7 @@ def gather(buffer, starts, assigned, number, offset, out):
 
 
 @numba.njit(types.int64(BYTES, types.int64, types.int64, WORDS), cache=True)
-def list_ros1_records(buffer, start, stop, table):
+def list_ros1_records(buffer: Buffer, start: int, stop: int, table: Longs) -> int:
     """Walk ROS 1 bag records: u32 header length, header fields, u32 data length, data.
 
     table: flat rows of six: opcode, connection (-1 if none), time in ns (-1 if none), header offset, data offset,
@@ -143,7 +147,7 @@ def list_ros1_records(buffer, start, stop, table):
 
 
 @numba.njit(types.void(types.uint8[:, ::1], LONGS, types.uint8[::1]), cache=True)
-def scatter(records, offsets, out):
+def scatter(records: Buffer, offsets: Longs, out: Buffer) -> None:
     """Copy each row of `records` to its offset in `out`."""
     for index in range(len(records)):
         at = offsets[index]

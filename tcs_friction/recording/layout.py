@@ -25,7 +25,7 @@ CODES = {
 }  # fmt: skip
 
 
-class Malformed(Exception):
+class MalformedError(Exception):
     """The bytes do not fit the message type."""
 
 
@@ -50,7 +50,7 @@ class Layout:
         return len(raw) >= self.size and bool(np.all(np.frombuffer(raw, np.uint8)[self.offsets] == self.content))
 
 
-class _Found(Exception):
+class _CompleteError(Exception):
     """Everything wanted has been met; the rest of the message does not matter."""
 
 
@@ -76,7 +76,7 @@ class _Walk:
         offset = self.position
         self.position += size * count
         if self.position > len(self.raw):
-            raise Malformed(f"needs {self.position} bytes, has {len(self.raw)}")
+            raise MalformedError(f"needs {self.position} bytes, has {len(self.raw)}")
         return offset
 
     def length(self) -> int:
@@ -84,7 +84,7 @@ class _Walk:
         self.marks.append((offset, 4))
         (count,) = struct.unpack_from(f"{self.order}I", self.raw, offset)
         if count > len(self.raw) - self.position:
-            raise Malformed(f"claims {count} elements in {len(self.raw) - self.position} bytes")
+            raise MalformedError(f"claims {count} elements in {len(self.raw) - self.position} bytes")
         return int(count)
 
     def text(self, wide: bool, marked: bool) -> str:
@@ -102,7 +102,7 @@ class _Walk:
 
     def _finish(self) -> None:
         if len(self.found) == len(self.numbers) and len(self.names) == len(self.lists):
-            raise _Found
+            raise _CompleteError
 
     def struct(self, name: str, path: Path) -> None:
         if name in TIMES:
@@ -121,7 +121,7 @@ class _Walk:
             inner, count = desc[1]
             if desc[0] == Nodetype.SEQUENCE:
                 count = self.length()
-            self.elements(inner, count, path)  # type: ignore[arg-type]
+            self.elements(inner, count, path)
 
     def base(self, kind: str, path: Path) -> None:
         if kind in ("string", "wstring"):
@@ -151,21 +151,21 @@ class _Walk:
 
 
 def layout(raw: bytes, types: Types, msgtype: str, ros1: bool, targets: Sequence[Target], stamp: Path | None) -> Layout:
-    """The layout of one message. Raises Malformed if the bytes do not fit the type."""
+    """The layout of one message. Raises MalformedError if the bytes do not fit the type."""
     order = "<"
     if not ros1:
         if len(raw) < 4 or raw[0] != 0 or raw[1] not in (0, 1):
-            raise Malformed("no plain CDR encapsulation")
+            raise MalformedError("no plain CDR encapsulation")
         order = "<" if raw[1] else ">"
     numbers = {item.path for item in targets} | ({stamp} if stamp is not None else set())
     lists = {item.names for item in targets if item.names is not None}
     walk = _Walk(raw, types, order, not ros1, numbers, lists, 0 if ros1 else 4)
     try:
         walk.struct(msgtype, ())
-    except _Found:
+    except _CompleteError:
         pass
     except (RecursionError, KeyError) as error:
-        raise Malformed(f"cannot be walked: {error}") from None
+        raise MalformedError(f"cannot be walked: {error}") from None
     if not ros1:
         walk.marks.insert(0, (0, 2))
     return _layout(walk, targets, stamp)

@@ -18,7 +18,7 @@ import numpy as np
 from tcs_friction.recording import kernels
 from tcs_friction.recording.decode import Batch
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.storage import BLOCK, MAX_CHUNK, Damage, Unpackable, Window, unpack
+from tcs_friction.recording.storage import BLOCK, MAX_CHUNK, Damage, UnpackError, Window, unpack
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
@@ -144,7 +144,7 @@ class McapScan:
         size, crc, compression, at = parts
         try:
             raw = unpack(record[at:], compression, size)
-        except Unpackable as error:
+        except UnpackError as error:
             self._lose_chunk(f"chunks that cannot be unpacked: {error}", length)
         else:
             if crc and zlib.crc32(raw) != crc:
@@ -254,7 +254,7 @@ class McapScan:
         packed = window.peek(window.remaining)[9 + at :]
         try:
             return unpack(packed, compression, size)
-        except Unpackable as error:
+        except UnpackError as error:
             return error.partial
 
     def _surely(self, window: Window, at: int) -> bool:

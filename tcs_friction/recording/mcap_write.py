@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -94,7 +95,7 @@ class McapWriter:
         if chunk.size >= CHUNK_BYTES:
             self.flush()
 
-    def write_chunk(self, numbers: kernels.Longs, log_times: kernels.Longs, payloads: list[np.ndarray]) -> None:
+    def write_chunk(self, numbers: Sequence[int], log_times: Sequence[kernels.Longs], payloads: Sequence[kernels.Buffer]) -> None:
         """One chunk of many messages, given per channel.
 
         numbers: (k,) channels. log_times: per channel (n,) ns. payloads: per channel (n, size) uint8.
@@ -177,7 +178,7 @@ class McapWriter:
         chunk.size += len(records)
         chunk.channels.add(number)
 
-    def _write_many(self, topics: list[tuple[int, np.ndarray, np.ndarray]]) -> None:
+    def _write_many(self, topics: list[tuple[int, kernels.Longs, kernels.Buffer]]) -> None:
         for number, _, _ in topics:
             self._use(number)
         chunk = self._chunk
@@ -200,7 +201,7 @@ class McapWriter:
         chunk.size += len(raw)
         chunk.start, chunk.end = int(times.min()), int(times.max())
 
-    def _records(self, number: int, log_times: np.ndarray, payloads: np.ndarray) -> np.ndarray:
+    def _records(self, number: int, log_times: kernels.Longs, payloads: kernels.Buffer) -> kernels.Buffer:
         count, size = payloads.shape
         heads = np.zeros(count, dtype=MESSAGE_RECORD)
         heads["operation"], heads["length"], heads["channel"] = MESSAGE, 22 + size, number

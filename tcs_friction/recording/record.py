@@ -8,13 +8,12 @@ from pathlib import Path
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.layout import CODES
 from tcs_friction.recording.mcap_write import McapWriter
 from tcs_friction.recording.write import StorageFile, write_metadata
 
 _NESTED = re.compile(r"^\s*((?:\w+/)*\w+)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+", re.MULTILINE)
-_PRIMITIVES = frozenset(
-    "bool byte char int8 uint8 int16 uint16 int32 uint32 int64 uint64 float32 float64 string wstring".split()
-)
+_PRIMITIVES = frozenset((*CODES, "string", "wstring"))
 _SEPARATOR = "=" * 80
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from tcs_friction.recording import kernels
 from tcs_friction.recording.decode import Batch
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.storage import BLOCK, MAX_CHUNK, Damage, Unpackable, Window, unpack
+from tcs_friction.recording.storage import BLOCK, MAX_CHUNK, Damage, UnpackError, Window, unpack
 
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CHUNK_INFO, CONNECTION = 2, 5, 6, 7
@@ -71,7 +71,8 @@ class Ros1Scan:
             self._announced += int(counts.sum())
         elif operation == MESSAGE and len(head.get("time", b"")) == 8 and len(head.get("conn", b"")) == 4:
             seconds, nanoseconds = struct.unpack("<II", head["time"])
-            table = np.array([[MESSAGE, int.from_bytes(head["conn"], "little"), seconds * 10**9 + nanoseconds, 0, 0, data_length]])
+            number = int.from_bytes(head["conn"], "little")
+            table = np.array([[MESSAGE, number, seconds * 10**9 + nanoseconds, 0, 0, data_length]])
             yield from self._messages(np.frombuffer(data, np.uint8), table)
 
     def _lengths(self, window: Window) -> tuple[int, int] | None:
@@ -127,13 +128,13 @@ class Ros1Scan:
         packed = window.peek(window.remaining)[8 + length :]
         try:
             return _unpacked(head, packed)
-        except Unpackable as error:
+        except UnpackError as error:
             return error.partial
 
     def _chunk(self, head: dict[str, bytes], data: bytes) -> Iterator[Batch]:
         try:
             raw = _unpacked(head, data)
-        except Unpackable as error:
+        except UnpackError as error:
             self.damage.add(f"chunks that cannot be unpacked: {error}", len(data))
             raw = error.partial
         yield from self._content(raw, cut=False)
@@ -183,7 +184,7 @@ def _unpacked(head: dict[str, bytes], data: bytes) -> bytes:
     if compression != "bz2":
         return unpack(data, "" if compression == "none" else compression, size)
     if size > MAX_CHUNK:
-        raise Unpackable("impossible size")
+        raise UnpackError("impossible size")
     decoder = bz2.BZ2Decompressor()
     parts: list[bytes] = []
     try:
@@ -192,10 +193,10 @@ def _unpacked(head: dict[str, bytes], data: bytes) -> bytes:
             if sum(map(len, parts)) > size:
                 break
     except (OSError, EOFError):
-        raise Unpackable("broken compression", b"".join(parts)) from None
+        raise UnpackError("broken compression", b"".join(parts)) from None
     raw = b"".join(parts)
     if len(raw) != size:
-        raise Unpackable("wrong size", raw[:size])
+        raise UnpackError("wrong size", raw[:size])
     return raw
 
 

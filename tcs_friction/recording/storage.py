@@ -7,12 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
-from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+from lz4.frame import LZ4FrameDecompressor
+
+from tcs_friction.recording.columns import counted
 
 if sys.version_info >= (3, 14):
-    from compression import zstd
+    from compression import zstd as zstd
 else:
-    from backports import zstd
+    from backports import zstd as zstd
 
 BLOCK = 1 << 22
 """Bytes read from a file at a time."""
@@ -59,12 +61,7 @@ class Damage:
         return f"damaged: {what}; lost: {' and '.join(lost) or 'nothing'}"
 
 
-def counted(number: int, what: str) -> str:
-    """`1 message`, `2 messages`."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-class Unpackable(Exception):
+class UnpackError(Exception):
     """A compressed block that is broken; `partial` is what came out before the break."""
 
     def __init__(self, reason: str, partial: bytes = b"") -> None:
@@ -75,16 +72,16 @@ class Unpackable(Exception):
 def unpack(data: bytes | memoryview, compression: str, size: int) -> bytes:
     """Decompress a block (`lz4`, `zstd` or "") that says it becomes `size` bytes, never allocating much more.
 
-    Raises Unpackable, with what could be had, when it does not.
+    Raises UnpackError, with what could be had, when it does not.
     """
     if compression == "":
         if len(data) != size:
-            raise Unpackable("wrong size", bytes(data))
+            raise UnpackError("wrong size", bytes(data))
         return bytes(data)
     if compression not in ("lz4", "zstd"):
-        raise Unpackable(f"unknown compression {compression!r}")
+        raise UnpackError(f"unknown compression {compression!r}")
     if size > MAX_CHUNK or size > MAX_RATIO * len(data) + BLOCK:
-        raise Unpackable("impossible size")
+        raise UnpackError("impossible size")
     decoder = LZ4FrameDecompressor() if compression == "lz4" else zstd.ZstdDecompressor()
     whole = _in_one(decoder.decompress, data, size)
     return whole if whole is not None else _in_pieces(data, compression, size)
@@ -115,7 +112,7 @@ def _in_pieces(data: bytes | memoryview, compression: str, size: int) -> bytes:
                     break
         except (RuntimeError, zstd.ZstdError, ValueError, EOFError):
             break
-    raise Unpackable("broken compression", b"".join(parts)[:size])
+    raise UnpackError("broken compression", b"".join(parts)[:size])
 
 
 def unpack_file(packed: BinaryIO, out: BinaryIO) -> bool:

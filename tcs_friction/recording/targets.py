@@ -8,7 +8,15 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
 from tcs_friction.errors import InputError
-from tcs_friction.recording.definitions import NAME_LISTS, TIMES, Channel, Types, full_name, number_paths, types_of
+from tcs_friction.recording.definitions import (
+    NAME_LISTS,
+    TIMES,
+    Channel,
+    Types,
+    full_name,
+    number_paths,
+    types_of,
+)
 from tcs_friction.recording.signals import SignalSource, nearest
 
 Path = tuple[str | int, ...]
@@ -31,7 +39,7 @@ def target(channel: Channel, source: SignalSource, bag: str) -> Target:
     path: Path = ()
     for step in source.steps:
         if isinstance(step, int):
-            desc = _element(desc, step, channel, source, bag)
+            desc = _element(desc, step, source, bag)
         else:
             if desc[0] != Nodetype.NAME or desc[1] in TIMES:
                 raise _no_field(channel, source, bag)
@@ -71,7 +79,7 @@ def _leaf(
     if desc[0] == Nodetype.NAME:
         raise _no_field(channel, source, bag)
     inner = desc[1][0]
-    if inner[0] == Nodetype.NAME or inner[1][0] in ("string", "wstring"):  # type: ignore[comparison-overlap,index]
+    if inner[0] == Nodetype.NAME or inner[1][0] in ("string", "wstring"):
         raise _no_field(channel, source, bag)
     if source.joint is None:
         if desc[0] == Nodetype.ARRAY and desc[1][1] == 1:
@@ -86,12 +94,12 @@ def _leaf(
     raise InputError(bag, f"{channel.msgtype} on {source.topic} has no list of joint names", expected)
 
 
-def _element(desc: FieldDesc, index: int, channel: Channel, source: SignalSource, bag: str) -> FieldDesc:
+def _element(desc: FieldDesc, index: int, source: SignalSource, bag: str) -> FieldDesc:
     if desc[0] not in (Nodetype.ARRAY, Nodetype.SEQUENCE):
         raise InputError(bag, f"{source.topic} {source.field}: [{index}] on something that is no array", "no index there")
     if desc[0] == Nodetype.ARRAY and index >= desc[1][1]:
         raise InputError(bag, f"{source.topic} {source.field}: index {index}", f"less than {desc[1][1]}")
-    return desc[1][0]  # type: ignore[return-value]
+    return desc[1][0]
 
 
 def _no_field(channel: Channel, source: SignalSource, bag: str) -> InputError:

@@ -83,7 +83,7 @@ def _in_time(
     filled = [(number, topic) for number, topic in zip(numbers, topics, strict=True) if len(topic.times)]
     if not filled:
         return
-    size = sum(sum(map(len, topic.messages)) if isinstance(topic.messages, list) else topic.messages.size for _, topic in filled)
+    size = sum(topic.messages.size for _, topic in filled)
     merged = np.sort(np.concatenate([topic.times for _, topic in filled]))
     edges = merged[:: max(1, len(merged) * CHUNK_BYTES // max(size, 1))][1:]
     cuts = {number: [0, *np.searchsorted(topic.times, edges).tolist(), len(topic.times)] for number, topic in filled}
@@ -104,7 +104,7 @@ def type_hash(channel: Channel) -> str:
     store = typestore()
     if channel.msgtype not in store.fielddefs:
         store = type(store)(None)
-        store.register({name: value for name, value in standard_types().fielddefs.items()})
+        store.register(dict(standard_types().fielddefs))
         try:
             store.register(parsed(channel.definition, "ros2msg", channel.msgtype))
         except Exception:  # any parser error: the hash is a convenience for other tools

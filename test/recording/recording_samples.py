@@ -27,7 +27,9 @@ SIGNALS = SignalMap(
     SignalSource(TOPIC, "velocity", "azimuth"),
 )
 
-ROSBAG2 = ("mcap", "mcap-zstd", "mcap-lz4", "mcap-loose", "mcap-bare", "mcap-file", "mcap-message", "db3", "db3-file", "db3-message")
+ROSBAG2 = (
+    "mcap", "mcap-zstd", "mcap-lz4", "mcap-loose", "mcap-bare", "mcap-file", "mcap-message", "db3", "db3-file", "db3-message",
+)  # fmt: skip
 ROSBAG1 = ("bag", "bag-bz2", "bag-lz4")
 KINDS = (*ROSBAG2, *ROSBAG1)
 

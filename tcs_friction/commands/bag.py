@@ -1,0 +1,117 @@
+"""Look into bags, export a recording to a table, import a table as a bag.
+
+  info    topics, types, rates, gaps, damage, and a proposal for the signals block of an axis file
+  export  the signals of an axis to .csv or .parquet, units in the column names
+  import  a .csv or .parquet file becomes a bag: columns time, position and torque, others if there are any
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tcs_friction.config import load_axis
+from tcs_friction.errors import InputError
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.info import BagInfo, TopicInfo, bag_info
+from tcs_friction.recording.tables import export_table, import_table
+from tcs_friction.recording.write import write_recording
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    commands = parser.add_subparsers(dest="what", required=True, metavar="info|export|import")
+    info = commands.add_parser("info", help="what is in a bag")
+    info.add_argument("bag", type=Path, metavar="BAG")
+    export = commands.add_parser("export", help="a recording as a table")
+    export.add_argument("bag", type=Path, metavar="BAG")
+    export.add_argument("--axis", type=Path, required=True, metavar="AXIS.yaml", help="where the signals are")
+    export.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help=".csv or .parquet")
+    table = commands.add_parser("import", help="a table as a bag")
+    table.add_argument("file", type=Path, metavar="FILE")
+    table.add_argument("-o", "--output", type=Path, required=True, metavar="BAG", help="bag to write")
+    table.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="put the signals where this file has them")
+    table.add_argument("--joint", default="axis", help="name of the joint without an axis file (default: axis)")
+    table.add_argument(
+        "--column", action="append", default=[], metavar="SIGNAL=COLUMN",
+        help="which column is time, position, torque, velocity, temperature or reference, if its name does not say",
+    )  # fmt: skip
+    for command in (info, export, table):
+        command.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Do one of the three."""
+    {"info": _info, "export": _export, "import": _import}[arguments.what](arguments)
+
+
+def _info(arguments: argparse.Namespace) -> None:
+    info = bag_info(arguments.bag)
+    print(json.dumps(info.to_mapping(), allow_nan=False) if arguments.json else info_text(info))
+
+
+def _export(arguments: argparse.Namespace) -> None:
+    file = load_axis(arguments.axis)
+    if file.signals is None:
+        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
+    (recording,) = read_recordings([arguments.bag], file.signals)
+    export_table(recording, arguments.output, file.axis.kind)
+    _tell(arguments, recording.notes, {"file": str(arguments.output), "samples": len(recording), "duration": recording.duration})
+
+
+def _import(arguments: argparse.Namespace) -> None:
+    file = load_axis(arguments.axis) if arguments.axis else None
+    chosen = {}
+    for entry in arguments.column:
+        signal, separator, column = entry.partition("=")
+        if not separator:
+            raise InputError("--column", repr(entry), "SIGNAL=COLUMN")
+        chosen[signal] = column
+    imported = import_table(arguments.file, arguments.joint, chosen, file.signals if file else None)
+    write_recording(arguments.output, imported.recording, imported.signals)
+    signals = imported.signals.to_mapping()
+    result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}
+    _tell(arguments, imported.recording.notes, result | {"signals": signals})
+    if not arguments.json and file is None:
+        print(yaml.safe_dump({"signals": signals}, sort_keys=False, default_flow_style=None), end="")
+
+
+def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[str, Any]) -> None:
+    if arguments.json:
+        print(json.dumps(result | {"notes": list(notes)}, allow_nan=False))
+        return
+    for note in notes:
+        print(f"tcs-friction: {note}", file=sys.stderr)
+    print(f"{arguments.output}: {result['samples']} samples, {result['duration']:g} s")
+
+
+def info_text(info: BagInfo) -> str:
+    """A bag's contents for people."""
+    lines = [f"{info.path}: {info.count} messages, {info.duration:.6g} s"]
+    lines += [f"  {note}" for note in info.notes]
+    width = max((len(topic.topic) for topic in info.topics), default=0)
+    kind = max((len(topic.type) for topic in info.topics), default=0)
+    lines += [_topic_line(topic, width, kind) for topic in info.topics]
+    if info.signals:
+        lines += ["", "# proposal for the axis file; check it, above all the torque's scale"]
+        lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())
+    else:
+        lines += ["", "# nothing here looks like position and torque of an axis"]
+    return "\n".join(lines)
+
+
+def _topic_line(topic: TopicInfo, width: int, kind: int) -> str:
+    line = f"  {topic.topic:{width}}  {topic.type:{kind}}  {topic.count:>9}  {topic.rate:8.4g} Hz  {topic.stamps} time"
+    odd = list(topic.findings)
+    if topic.latency is not None and abs(topic.latency) > 1e-6:
+        odd.append(f"latency {topic.latency:.3g} s")
+    if topic.gaps:
+        odd.append(f"gaps: {topic.gaps}, longest {topic.longest_gap:.3g} s")
+    if topic.missing:
+        odd.append(f"missing: {topic.missing}")
+    return f"{line}; {'; '.join(odd)}" if odd else line

@@ -1,0 +1,131 @@
+"""What is in a bag: topics, types, rates, gaps, and which signals of an axis it could hold."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording import clock
+from tcs_friction.recording.bags import Bag
+from tcs_friction.recording.columns import Nanoseconds
+from tcs_friction.recording.decode import Batch, Blocks, Decoder
+from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.propose import proposed_signals
+
+SECOND = 1e-9
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """One topic. Times in s; `rate` in Hz is 1 over the usual period, 0 if there are too few messages.
+
+    stamps: `header` or `log`, where the times come from. latency: median of log time minus header stamp, or None.
+    gaps: pauses longer than clock.GAP_PERIODS usual periods. findings: what else is odd, in words.
+    """
+
+    topic: str
+    type: str
+    count: int
+    duration: float
+    rate: float
+    stamps: str
+    latency: float | None
+    gaps: int
+    longest_gap: float
+    missing: int
+    findings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BagInfo:
+    """A bag. start: s since the epoch of the first message logged. notes: damage, in words."""
+
+    path: str
+    start: float
+    duration: float
+    count: int
+    topics: tuple[TopicInfo, ...]
+    notes: tuple[str, ...]
+    signals: dict[str, Any]
+
+    def to_mapping(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+class _Topic:
+    """Times and stamps of one topic while batches come in, and its first message."""
+
+    def __init__(self, channel: Channel, first: bytes, bag: str) -> None:
+        self.channel = channel
+        self.first = first
+        self.log_times, self.stamps = Blocks(np.int64), Blocks(np.int64)
+        self.findings: list[str] = []
+        self.decoder: Decoder | None = None
+        self.spoilt = 0
+        try:
+            self.decoder = Decoder(channel, [], bag)
+        except InputError as error:
+            self.findings.append(error.found)
+
+    def add(self, batch: Batch) -> None:
+        good: Any = slice(None)
+        if self.decoder is not None and self.decoder.stamp is not None:
+            _, _, stamps, fits = self.decoder.decode(batch)
+            good = np.flatnonzero(fits)
+            self.spoilt += len(batch) - len(good)
+            assert stamps is not None
+            self.stamps.add(stamps[good])
+        self.log_times.add(batch.log_times[good])
+
+
+def bag_info(path: Path) -> BagInfo:
+    """Read a bag once from end to end. Raises InputError if it is none or holds nothing whole."""
+    bag = Bag(path)
+    topics: dict[str, _Topic] = {}
+    for batch in bag.batches():
+        if len(batch):
+            name = batch.channel.topic
+            if name not in topics:
+                topics[name] = _Topic(batch.channel, batch.payload(0), str(path))
+            topics[name].add(batch)
+    signals = proposed_signals({topic.channel: topic.first for topic in topics.values()})
+    infos: list[TopicInfo] = []
+    first, last = [], []
+    for name in sorted(topics):
+        log_times = topics[name].log_times.joined()
+        infos.append(_topic_info(topics[name], log_times))
+        if len(log_times):
+            first.append(int(log_times.min()))
+            last.append(int(log_times.max()))
+    silent = {c.topic: c for c in bag.channels if c.topic not in topics}
+    infos += [TopicInfo(n, silent[n].msgtype, 0, 0.0, 0.0, "log", None, 0, 0.0, 0, ()) for n in sorted(silent)]
+    start, end = min(first, default=0), max(last, default=0)
+    count = sum(info.count for info in infos)
+    return BagInfo(str(path), start * SECOND, (end - start) * SECOND, count, tuple(infos), tuple(bag.notes), signals)
+
+
+def _topic_info(topic: _Topic, log_times: Nanoseconds) -> TopicInfo:
+    findings = list(topic.findings)
+    if topic.spoilt:
+        findings.append(f"{topic.spoilt} messages do not fit their type")
+    stamps = topic.stamps.joined()
+    times, source, latency = log_times, "log", None
+    if len(stamps) and (stamps > 0).all():
+        times, source, latency = stamps, "header", float(np.median(log_times - stamps)) * SECOND
+    elif len(stamps):
+        findings.append(f"{np.count_nonzero(stamps <= 0)} header stamps are empty")
+    line = clock.timeline(times, log_times)
+    findings.extend(line.notes)
+    steps = np.diff(line.times)
+    wide = steps[steps > clock.gap_limit(line.times)]
+    period = clock.usual_period(line.times)
+    duration = float(line.times[-1] - line.times[0]) * SECOND if len(line.times) else 0.0
+    return TopicInfo(
+        topic.channel.topic, topic.channel.msgtype, len(log_times), duration, 1e9 / period if period else 0.0, source,
+        latency, len(wide), float(wide.max()) * SECOND if len(wide) else 0.0, clock.dropped(line.times), tuple(findings),
+    )  # fmt: skip
