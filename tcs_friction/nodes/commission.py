@@ -60,6 +60,8 @@ class Commission(AxisNode[CommissionConfig]):
     def __init__(self) -> None:
         super().__init__("commission", defaults)
         self.start()
+        self.runs: dict[str, Run] = {}
+        """What was measured in the last commissioning, by name."""
         self._waiter = Waiter(self)
         self._remotes = Remotes(self, self._waiter)
         self._runs = RunCollector(self, self._waiter)
@@ -95,6 +97,7 @@ class Commission(AxisNode[CommissionConfig]):
         rounds = goal.repetitions or self.config.repetitions
         directory = Path(goal.directory) if goal.directory else None
         steps = _Steps(progress, 1 + 3 * rounds)
+        self.runs.clear()
         try:
             before = await self._run("before", SetMode.Request.PLAIN, directory, steps, "measuring the axis as it is")
             best: tuple[Run, LugreParameters] | None = None
@@ -133,9 +136,9 @@ class Commission(AxisNode[CommissionConfig]):
             self._runs.begin(self.file.axis.name, reference.duration, wait_for)
         result = await self._runs.finished(self.config.stall_limit, lambda share: steps.tell(share, stage))
         steps.done()
+        self.runs[name] = result
         if directory is not None:
-            bag = result
-            await self._waiter.in_thread(lambda: bag.write(directory / name, self.get_namespace()))
+            await self._waiter.in_thread(lambda: result.write(directory / name, self.get_namespace()))
         return result
 
     async def _identified(self, directory: Path | None, steps: _Steps) -> LugreParameters:

@@ -132,17 +132,13 @@ def run_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> int
             for name, process in processes.items():
                 status = process.exitcode
                 if status is not None and not stop:
-                    raise JobError(f"node {name}", _ending(status), "it to run; the other nodes have been ended")
+                    raise JobError(f"node {name}", ending(status), "it to run; the other nodes have been ended")
             time.sleep(0.1)
     finally:
         end_processes(processes)
     return 0
 
 
-def _ending(status: int) -> str:
+def ending(status: int) -> str:
+    """What happened to a process, in words."""
     return f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-
-
-def discovery_on_this_machine() -> None:
-    """Keep a graph that this program starts, and ends, to this machine unless the user has decided otherwise."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

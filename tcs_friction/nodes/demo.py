@@ -1,0 +1,126 @@
+"""The main job: a graph of its own, commissioned, and what was measured handed back."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.task import Future
+from tcs_friction_msgs.action import Commission as CommissionAction
+
+from tcs_friction.errors import JobError
+from tcs_friction.nodes import graph
+from tcs_friction.nodes.commission import Commission
+from tcs_friction.nodes.executor import make_executor, spin
+from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.nodes.runs import Run
+
+NODES = (*graph.LOOP, "identifier")
+"""Besides commission itself."""
+
+
+@dataclass(frozen=True)
+class Commissioned:
+    """Runs by name (before, measure, after; with several rounds measure_1, after_1, ...) and the action's result."""
+
+    runs: Mapping[str, Run]
+    result: Any
+
+
+def own_domain() -> int:
+    """A ROS domain that no other graph is likely to be on, on this machine only, unless the user has chosen one."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return int(os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100)))
+
+
+def commission(
+    axis: str,
+    reference: str,
+    directory: Path,
+    processes: bool = False,
+    tell: Callable[[float, str], None] = lambda _share, _stage: None,
+) -> Commissioned:
+    """Start the graph, run the action commission on it, end the graph.
+
+    `directory` gets the bags, identification.json, axis.yaml and commission.json; `processes` gives every node a process of
+    its own. `tell` hears the share of the work done and what is being done. Raises JobError with the reason when a node
+    dies or a step fails, KeyboardInterrupt when interrupted.
+    """
+    own_domain()
+    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0"])
+    children = graph.start_processes(arguments, NODES) if processes else {}
+    rclpy.init(args=["demo", *arguments])
+    with _ended(children):
+        executor = make_executor()
+        together = [] if processes else [graph.factory(name)() for name in NODES]
+        node = Commission()
+        together.append(node)
+        for item in together:
+            executor.add_node(item)
+        done = Future()
+        executor.create_task(_drive(node, directory, children, tell, done))
+        try:
+            spin(executor, done)
+        finally:
+            for item in together:
+                item.destroy_node()
+        if not done.done():
+            raise KeyboardInterrupt
+        if done.exception() is not None:
+            raise done.exception()
+        return Commissioned(node.runs, done.result())
+
+
+@contextlib.contextmanager
+def _ended(children: Mapping[str, BaseProcess]) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        rclpy.try_shutdown()
+        graph.end_processes(children)
+
+
+async def _drive(
+    node: Commission,
+    directory: Path,
+    children: Mapping[str, BaseProcess],
+    tell: Callable[[float, str], None],
+    done: Future,
+) -> None:
+    """Send the goal and wait for its end, with an eye on the processes."""
+    try:
+        done.set_result(await _action(node, Waiter(node), directory, children, tell))
+    except BaseException as error:
+        done.set_exception(error)
+
+
+async def _action(
+    node: Commission,
+    waiter: Waiter,
+    directory: Path,
+    children: Mapping[str, BaseProcess],
+    tell: Callable[[float, str], None],
+) -> Any:
+    client = ActionClient(node, CommissionAction, "commission/commission")
+    await waiter.until(client.server_is_ready, 10.0)
+    sent = client.send_goal_async(
+        CommissionAction.Goal(directory=str(directory)),
+        feedback_callback=lambda message: tell(message.feedback.progress, message.feedback.stage),
+    )
+    await waiter.until(sent.done, 10.0)
+    finished = sent.result().get_result_async()
+    while not await waiter.until(finished.done, 0.2):
+        for name, process in children.items():
+            if process.exitcode is not None:
+                raise JobError(f"node {name}", graph.ending(process.exitcode), "it to run until the end")
+    result = finished.result().result
+    if not result.success:
+        raise JobError("commission", result.message)
+    return result
