@@ -23,6 +23,9 @@ from tcs_friction.recording.signals import SignalMap, SignalSource
 SLOW = 60_000_000_000
 """ns; over this long a temperature may be interpolated or held whatever its rate."""
 
+SIMULTANEOUS = 0.05
+"""Share of a period by which clocks may disagree about one instant; without it rounding would delay by a period."""
+
 OTHER_CLOCK = 1_000_000_000
 """ns; topics whose header clocks differ by more (seen through the log time) are not on the same clock."""
 
@@ -128,8 +131,12 @@ def _on_base_clock(base: _Base, columns: TopicColumns, told: list[str]) -> tuple
 
 
 def held(times: Nanoseconds, known: Nanoseconds, values: Column, limit: int) -> Column:
-    """The last value at or before each time, NaN where there is none within `limit` ns."""
-    before = np.searchsorted(known, times, side="right") - 1
+    """The last value at or before each time, NaN where there is none within `limit` ns.
+
+    A value that comes later by no more than SIMULTANEOUS of a period is of the same instant.
+    """
+    slack = int(SIMULTANEOUS * clock.usual_period(known))
+    before = np.searchsorted(known, times + slack, side="right") - 1
     result = values[np.maximum(before, 0)]
     stale = (before < 0) | (times - known[np.maximum(before, 0)] > limit)
     return np.where(stale, np.nan, result)

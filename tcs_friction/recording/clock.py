@@ -8,13 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcs_friction.recording.columns import Nanoseconds
+from tcs_friction.recording.columns import Nanoseconds, counted
 
 JUMP = 1_000_000_000
 """ns; a stamp that goes back by more is a clock that was set, not a message that came late."""
 
+FAR = 1 << 61
+"""ns; beyond the 32-bit seconds of a stamp and before differences overflow. Only damage has such times."""
+
 STRAY_RUN = 5
 """Messages; a shorter run on a clock of its own, with the old clock going on after it, has wrong stamps."""
+
+USABLE = 0.9
+"""Share of messages that must be left for the others to be strays; with fewer the clock itself is wild."""
 
 GAP_PERIODS = 10.0
 """A pause longer than this many usual periods is a gap; nothing is interpolated or held across it."""
@@ -41,6 +47,7 @@ def timeline(stamps: Nanoseconds, log_times: Nanoseconds) -> Timeline:
     a clock was set.
     """
     notes: list[str] = []
+    stamps, log_times = np.clip(stamps, -FAR, FAR), np.clip(log_times, -FAR, FAR)
     rows = np.arange(len(stamps))
     if len(stamps) > 1 and not np.all(stamps[1:] > stamps[:-1]):
         rows, times, restarts = _straighten(stamps, log_times, notes)
@@ -54,7 +61,7 @@ def _straighten(
 ) -> tuple[NDArray[np.intp], Nanoseconds, tuple[int, ...]]:
     rows = _without_strays(stamps)
     if len(rows) < len(stamps):
-        notes.append(f"{len(stamps) - len(rows)} messages with stray stamps left out")
+        notes.append(f"{counted(len(stamps) - len(rows), 'message')} with stray stamps left out")
     times = stamps[rows].copy()
     period = usual_period(np.sort(times))
     starts = [0, *(np.flatnonzero(np.diff(times) < -JUMP) + 1), len(rows)]
@@ -66,6 +73,9 @@ def _straighten(
         part = times[start:stop]
         if number:
             pause = max(int(log_times[rows[start]] - log_times[rows[start - 1]]), period)
+            if last + pause + int(part.max()) - int(part[0]) > 2 * FAR:
+                notes.append(f"{counted(len(rows) - start, 'message')} with impossible stamps left out")
+                break
             part += last + pause - part[0]
             restarts.append(kept)
         order = np.argsort(part, kind="stable")
@@ -80,11 +90,12 @@ def _straighten(
         kept += len(chosen)
         last = int(part[-1])
     if late:
-        notes.append(f"{late} messages out of order, sorted by stamp")
+        notes.append(f"{counted(late, 'message')} out of order, sorted by stamp")
     if duplicates:
-        notes.append(f"{duplicates} messages with a stamp seen before left out")
+        notes.append(f"{counted(duplicates, 'message')} with a stamp seen before left out")
     if restarts:
-        notes.append(f"clock set back {len(restarts)} times; time carried on by the log time there, recording cut")
+        often = "once" if len(restarts) == 1 else f"{len(restarts)} times"
+        notes.append(f"clock set back {often}; time carried on by the log time there, recording cut")
     table = np.concatenate(ordered)
     return table[:, 0], table[:, 1], tuple(restarts)
 
@@ -102,6 +113,8 @@ def _without_strays(stamps: Nanoseconds) -> NDArray[np.intp]:
             keep[start:stop] = False
         else:
             anchor = int(stamps[stop - 1])
+    if np.count_nonzero(keep) < USABLE * len(keep):
+        return np.arange(len(stamps))
     return np.flatnonzero(keep)
 
 

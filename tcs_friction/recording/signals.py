@@ -100,7 +100,7 @@ class SignalMap:
         known = (*REQUIRED, *OPTIONAL, "exogenous")
         _refuse_unknown(block, known, f"{where}: signals")
         for name in REQUIRED:
-            if name not in block:
+            if block.get(name) is None:
                 raise InputError(f"{where}: signals", f"{name} is missing", "at least position and torque")
         sources = {
             name: _source(block[name], f"{where}: signals.{name}")
