@@ -19,6 +19,8 @@ from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Parameter, Place, Role
 
+LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
+LOCAL_SECONDS = 1.0  # over which the noise level may change
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 
 
@@ -144,6 +146,7 @@ class Balance:
         self.ends = np.cumsum([0, *self.sizes])
         self.train = data.joined("train")
         self.held_out = data.joined("held_out")
+        self.local_weight = np.ones(len(self.train))  # 1/variance of the whitened noise relative to the record's
         self.evaluations = 0
         self._refresh_rows()
 
@@ -175,7 +178,42 @@ class Balance:
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""
-        return self._whiten_all(x)[self.rows]
+        local = np.sqrt(self.local_weight[self.rows])
+        return self._whiten_all(x)[self.rows] * (local if x.ndim == 1 else local[:, None])
+
+    def unwhiten(self, white: np.ndarray) -> np.ndarray:
+        """The adjoint of `whiten`: (n,) series whose scalar product with any x is that of `white` with whitened x."""
+        full = np.zeros(len(self.train))
+        full[self.rows] = white * np.sqrt(self.local_weight[self.rows])
+        return self._whiten_all(full)  # the filter is symmetric
+
+    def whitening_gain(self, frequency: np.ndarray) -> np.ndarray:
+        """Squared gain of the whitening filter at frequencies (Hz) of any shape; beyond the last frequency that of it."""
+        count = 8 * len(self.weights)
+        response = np.abs(np.fft.rfft(self.weights, count)) ** 2
+        return np.interp(frequency, np.fft.rfftfreq(count, self.data.dt), response)
+
+    @property
+    def effective_count(self) -> float:
+        """Independent samples in the whitened train rows: their band ends at the cutoff."""
+        return len(self.rows) * min(1.0, 2.0 * self.data.cutoff * self.data.dt)
+
+    def estimate_local_noise(self, residual: np.ndarray) -> None:
+        """Weigh down the seconds in which the whitened residual is larger than usual.
+
+        A recording is quieter at rest than in a fast manoeuvre. What is louder than LOUDEST is no noise but missing physics.
+        """
+        self.local_weight = np.ones(len(self.train))
+        white = self._whiten_all(residual)
+        window = max(8, int(LOCAL_SECONDS / self.data.dt))
+        parts = [
+            ndimage.uniform_filter1d(white[a:b] ** 2, min(window, b - a), mode="nearest")
+            for a, b in zip(self.ends[:-1], self.ends[1:], strict=True)
+        ]
+        power = np.concatenate(parts)
+        usual = float(np.median(power[self.rows]))
+        spread = 1.0 + 3.0 * math.sqrt(2.0 / max(window * 2.0 * self.data.cutoff * self.data.dt, 1.0))
+        self.local_weight = 1.0 / np.clip(power / (usual * spread), 1.0, LOUDEST)
 
     def _whiten_all(self, x: np.ndarray) -> np.ndarray:
         if len(self.weights) == 1:

@@ -46,6 +46,7 @@ class Conditioned:
     """Recordings ready for torque balances.
 
     cutoff: of the common filter, Hz. dt: s between samples. velocity_noise: rad/s rms left in the velocity.
+    position_noise: rad rms before filtering.
     names: of the exogenous signals. notes: what was found and done, one line each.
     """
 
@@ -53,6 +54,7 @@ class Conditioned:
     dt: float
     cutoff: float
     velocity_noise: float
+    position_noise: float
     names: tuple[str, ...]
     temperature: bool
     notes: tuple[str, ...]
@@ -154,7 +156,7 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
         gap = ndimage.binary_dilation(mask, iterations=edge) if mask.any() else mask
         stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask))
     temperature = all(r.temperature is not None for r in recordings)
-    return Conditioned(tuple(stretches), step * dt, cutoff, velocity_noise, names, temperature, tuple(notes))
+    return Conditioned(tuple(stretches), step * dt, cutoff, velocity_noise, noise, names, temperature, tuple(notes))
 
 
 def check(recordings: Sequence[Recording]) -> None:

@@ -192,6 +192,7 @@ class Term:
     temperature: whether it reads the recorded temperature.
     scan: values of the SHAPE parameters to start a search from, given what a recording can show.
     periodic: "position" or "time" when the first parameter counts periods there and a spectrum finds it.
+    local: it has a `centre` and a `width` in position, and a matched filter over the position finds the centre.
     warn: what is doubtful about a set of values (a passivity condition, say), one line each.
     rank: order among terms of the same place; terms that change what others read come first.
     """
@@ -208,6 +209,7 @@ class Term:
     temperature: bool = False
     scan: Scan = no_scan
     periodic: str = ""
+    local: bool = False
     warn: Validate = _no_warnings
     rank: int = 0
     tabulated: bool = False

@@ -1,9 +1,9 @@
 """Flexible mode: part of the inertia hangs on the shaft through a spring (drive and encoder on the shaft's side).
 
 `frequency` is the resonance that a frequency response from torque to acceleration shows. With the shaft held the second body rings
-lower, at w = 2 pi frequency sqrt(1 - inertia_ratio), the antiresonance. Its deflection d from the shaft obeys
-d'' + 2 damping w d' + w^2 d = -shaft acceleration. Between two instants the shaft
-moves at constant velocity, for which the step below is exact.
+lower, at w = 2 pi frequency sqrt(1 - inertia_ratio), the antiresonance, with a damping ratio that is lower by the same factor. Its deflection d from the shaft obeys
+d'' + 2 zeta w d' + w^2 d = -shaft acceleration. Between two instants the shaft
+has constant acceleration, for which the step below is exact.
 """
 
 from __future__ import annotations
@@ -40,21 +40,20 @@ def oscillate(deflection: float, rate: float, omega: float, damping: float, dt: 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: started, deflection (rad), velocity of the second body (rad/s)."""
-    damping, ratio = parameters[1], parameters[2]
-    omega = 2.0 * math.pi * parameters[0] * math.sqrt(1.0 - ratio)
+    """State: started, deflection (rad) and its rate (rad/s), velocity of the shaft before (rad/s)."""
+    ratio = parameters[2]
+    lower = math.sqrt(1.0 - ratio)
+    omega, damping = 2.0 * math.pi * parameters[0] * lower, parameters[1] * lower
     carried = ratio * motion[INERTIA]
     motion[INERTIA] -= carried
+    shaft = motion[VELOCITY]
     if state[0] == 0.0 or dt <= 0.0:
-        state[0], state[1], state[2] = 1.0, 0.0, motion[VELOCITY]
+        state[0], state[1], state[2], state[3] = 1.0, 0.0, 0.0, shaft
         return 0.0
-    shaft = motion[TRAVEL] / dt
-    deflection, rate = oscillate(state[1], state[2] - shaft, omega, damping, dt)
-    state[1] = deflection
-    state[2] = shaft + rate
-    return float(
-        -carried * (omega * omega * deflection + 2.0 * damping * omega * (state[2] - motion[VELOCITY]))
-    )
+    at_rest = -(shaft - state[3]) / dt / (omega * omega)
+    deflection, rate = oscillate(state[1] - at_rest, state[2], omega, damping, dt)
+    state[1], state[2], state[3] = deflection + at_rest, rate, shaft
+    return float(-carried * (omega * omega * state[1] + 2.0 * damping * omega * rate))
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
@@ -67,21 +66,21 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
 TERM = Term(
     id="flexible_mode",
     place=Place.BODY,
-    form="ratio J on a spring: d'' + 2 damping w d' + w^2 d = -a, x = ratio J (a + d'')",
+    form="ratio J on a spring: d'' + 2 zeta w d' + w^2 d = -a, x = ratio J (a + d'')",
     parameters=(
         Parameter("frequency", "Hz", "free resonance, the peak of acceleration over torque", lower=1e-6),
         Parameter(
             "damping",
             "",
-            "damping ratio of the second body with the shaft held",
+            "damping ratio at that resonance",
             lower=0.0,
             upper=0.99,
             default=0.02,
         ),
-        Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.99),
+        Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.95),
     ),
     kernel=torque,
-    states=3,
+    states=4,
     coordinate="frequency",
     subsystem="structure",
     scan=scan,

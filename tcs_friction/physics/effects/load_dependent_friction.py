@@ -19,7 +19,7 @@ TERM = Term(
     form="level + coefficient |u|; sliding, x = coefficient |u| sign(v)",
     parameters=(
         Parameter(
-            "coefficient", "", "friction torque per load torque", lower=-1.0, upper=1.0, role=Role.LINEAR
+            "coefficient", "", "friction torque per load torque", lower=-0.5, upper=0.5, role=Role.LINEAR
         ),
     ),
     kernel=scale,

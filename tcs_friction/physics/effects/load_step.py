@@ -14,7 +14,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    return [{"time": survey.start + survey.duration * (i + 1) / 61} for i in range(60)]
+    return [{"time": survey.start + survey.duration * (i + 1) / 31} for i in range(30)]
 
 
 TERM = Term(

@@ -27,13 +27,9 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    """Six widths, centres one width apart (half a width for the widest)."""
-    low, high = survey.travel
-    starts = []
-    for width in geometric(survey.span / 200.0, survey.span / 6.0, 6):
-        count = int(survey.span / width) + 1
-        starts += [{"centre": low + (high - low) * i / count, "width": width} for i in range(count + 1)]
-    return starts
+    """Six widths; where, a matched filter over the position finds (`local`)."""
+    widths = geometric(survey.span / 300.0, survey.span / 6.0, 6)
+    return [{"centre": survey.travel[0], "width": width} for width in widths]
 
 
 TERM = Term(
@@ -48,4 +44,5 @@ TERM = Term(
     kernel=scale,
     coordinate="position",
     scan=scan,
+    local=True,
 )

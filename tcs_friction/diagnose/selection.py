@@ -1,0 +1,163 @@
+"""Chooses the effects: forward, backward and swap steps over joint fits, with error control over everything that was looked at.
+
+A step is judged by the drop of the whitened train squares after a joint refit of all free numbers, less what chance would
+give: the Bayesian information criterion for the numbers, twice the log of the alternatives that were searched through, and
+a Bonferroni term for the length of the vocabulary. Effects that follow the motion's own nonlinearity (friction scale,
+drive, body) also fit what smoothing and sampling leave behind; they have to explain a share of the noise power as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tcs_friction.diagnose.balance import Balance, Fit, Free, free_parameters
+from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effects
+from tcs_friction.physics.terms import Place
+
+FALSE_ALARM = 1e-3  # chance over the whole vocabulary
+MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
+TRIED = 5  # candidates a round that are fitted jointly
+MOST = 6  # effects
+PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect after its joint fit in one round: the drop of squares in units of the noise, what chance takes, its fit."""
+
+    name: str
+    gain: float
+    threshold: float
+    fit: Fit
+
+    @property
+    def score(self) -> float:
+        """Gain beyond chance; positive: worth adding."""
+        return self.gain - self.threshold
+
+
+@dataclass
+class Selection:
+    """The chosen axis, rounds of candidates (each best first), and the fit of the base model alone."""
+
+    retuned: Fit
+    chosen: Fit
+    rounds: list[list[Candidate]] = field(default_factory=list)
+
+
+def prior(free: list[Free] | tuple[Free, ...]) -> np.ndarray:
+    """Standard deviations that keep undetermined base parameters near where they were; effects are free."""
+    return np.array([PRIOR if f.owner < 0 else (3.0 if f.kind == "log" else np.inf) for f in free])
+
+
+def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
+    """Joint fit of everything the axis has, noise and weights estimated along the way."""
+    balance.estimate_noise(balance.residual(axis))
+    fit = None
+    for i in range(rounds):
+        free = free_parameters(axis, 1.0)
+        fit = balance.fit(axis, free, prior(free), iterations=20 if i == 0 else 8)
+        axis = fit.axis
+        residual = balance.residual(axis)
+        balance.estimate_noise(residual)
+        balance.estimate_local_noise(residual)
+    assert fit is not None
+    return _judged(balance, fit)
+
+
+def _judged(balance: Balance, fit: Fit) -> Fit:
+    """The fit with its squares under the present weights."""
+    white = balance.whiten(balance.residual(fit.axis))
+    return Fit(fit.axis, fit.free, fit.covariance, float(white @ white), fit.converged)
+
+
+def threshold(balance: Balance, start_place: Place, states: bool, count: int, looks: float) -> float:
+    """Gain that chance, and for some places smoothing, may give."""
+    statistical = count * math.log(balance.effective_count) + 2.0 * math.log(looks * len(effects()) / FALSE_ALARM)
+    follows_motion = start_place in (Place.SCALE, Place.DRIVE, Place.BODY) or states
+    return statistical + (MATERIAL * balance.effective_count if follows_motion else 0.0)
+
+
+def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float) -> Candidate:
+    """The candidate after a joint fit from its start."""
+    free = free_parameters(axis.with_effect(start.instance), 1.0)
+    fit = balance.fit(axis.with_effect(start.instance), free, prior(free), iterations=6, tolerance=0.5)
+    term = start.instance.term
+    name = term.id + (f":{start.instance.signal}" if start.instance.signal else "")
+    limit = threshold(balance, term.place, term.states != 0, start.count, start.looks)
+    return Candidate(name, (base.squares - fit.squares) / spread, limit, fit)
+
+
+def one_round(balance: Balance, fit: Fit, pool: ThreadPoolExecutor) -> list[Candidate]:
+    """All effects on top of a fit, the promising ones fitted jointly, best first."""
+    background = Background(balance, fit.axis, fit.free)
+    spread = dispersion(background)
+    base = _judged(balance, fit)
+    promising: list[Start] = []
+    seen: dict[str, int] = {}
+    for start in all_starts(background, pool):
+        key = f"{start.instance.term.id}:{start.instance.signal}"
+        term = start.instance.term
+        limit = threshold(balance, term.place, term.states != 0, start.count, start.looks)
+        if start.gain / spread < 0.5 * limit or seen.get(key, 0) >= 1 or len(promising) >= TRIED:
+            continue
+        seen[key] = seen.get(key, 0) + 1
+        promising.append(start)
+    candidates = list(pool.map(lambda start: refine(balance, fit.axis, start, base, spread), promising))
+    return sorted(candidates, key=lambda candidate: -candidate.score)
+
+
+def without(balance: Balance, fit: Fit, index: int) -> Fit:
+    """The joint fit without one effect."""
+    axis = fit.axis
+    kept = tuple(item for i, item in enumerate(axis.effects) if i != index)
+    from dataclasses import replace
+
+    fewer = replace(axis, effects=kept)
+    free = free_parameters(fewer, 1.0)
+    return balance.fit(fewer, free, prior(free), iterations=5, tolerance=0.5)
+
+
+def select(balance: Balance, axis: Axis, progress: Progress | None = None) -> Selection:
+    """Forward selection with backward checks; noise and weights are estimated anew after each step."""
+    believed = len(axis.effects)
+    retuned = settle(balance, axis)
+    selection = Selection(retuned, retuned)
+    fit = retuned
+    with ThreadPoolExecutor(2) as pool:
+        for round_number in range(MOST):
+            if progress is not None:
+                progress(0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects")
+            candidates = one_round(balance, fit, pool)
+            selection.rounds.append(candidates)
+            if not candidates or candidates[0].score <= 0.0:
+                break
+            fit = settle(balance, candidates[0].fit.axis, rounds=2)
+            fit = prune(balance, fit, believed)
+    selection.chosen = fit
+    return selection
+
+
+def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
+    """Drop effects (beyond the believed ones) that no longer earn their place."""
+    while len(fit.axis.effects) > believed + 1:
+        spread = max(1.0, fit.squares / balance.effective_count)
+        losses = []
+        for index in range(believed, len(fit.axis.effects)):
+            term = fit.axis.effects[index].term
+            count = sum(f.owner == index for f in fit.free)
+            limit = threshold(balance, term.place, term.states != 0, count, 1.0)
+            losses.append(((without(balance, fit, index).squares - fit.squares) / spread - limit, index))
+        weakest, index = min(losses)
+        if weakest > 0.0:
+            return fit
+        fit = settle(balance, without(balance, fit, index).axis, rounds=1)
+    return fit
