@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import AnyModel
-from tcs_friction.identify.motion import Motion
+from tcs_friction.identify.motion import Motion, coarse, unsure_start
 from tcs_friction.identify.problem import Problem
 from tcs_friction.physics.terms import Parameter, Role
 
 SEARCH_POINTS = 6000  # a global search looks at about so many
-UNSURE = 0.02  # of the range of positions: travel after a start within which a bristle may remember what nobody saw
 FAR = 1e30  # travel that saturates any bristle
 
 
@@ -68,9 +67,7 @@ class Points:
 def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
     """At most about `points` samples, but at least four per cycle of the motion's bandwidth."""
     motion = problem.motion
-    stride = max(1, len(motion) // points)
-    if motion.bandwidth > 0.0:
-        stride = min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth))))
+    stride = search_stride(motion, points)
     moved = np.cumsum(motion.travel)
     kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
     index = np.concatenate(kept)
@@ -81,12 +78,15 @@ def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
     starting = motion.velocity[index[first]]
     travel[first] = np.where(np.abs(starting) > motion.resolution, np.copysign(FAR, starting), 0.0)
     weight = _weights_at(problem, index)
-    reached = np.cumsum(np.abs(motion.travel))[index]
-    for start, count in zip(first, (len(k) for k in kept), strict=True):
-        unsure = reached[start : start + count] - reached[start] < UNSURE * np.ptp(motion.position)
-        weight[start : start + count][unsure & (np.arange(count) < 0.2 * count)] = 0.0
+    weight[unsure_start(motion)[index]] = 0.0
     velocity, acceleration = motion.velocity[index], motion.acceleration[index]
     return Points(velocity, travel, carry, acceleration, problem.rotor[index], weight)
+
+
+def search_stride(motion: Motion, points: int) -> int:
+    """Which samples a search looks at: about `points`, but at least four per cycle of the motion's bandwidth."""
+    stride = max(1, len(motion) // points)
+    return min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth)))) if motion.bandwidth > 0.0 else stride
 
 
 def _weights_at(problem: Problem, index: np.ndarray) -> np.ndarray:
@@ -257,8 +257,7 @@ class AnyCost:
     """Any law: parameters are searched except those the torque is proportional to, which are solved for with inertia and offset."""
 
     def __init__(self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray) -> None:
-        motion = _coarse(problem.motion, 2 * SEARCH_POINTS // 3)
-        self._index, motion = motion
+        self._index, motion = coarse(problem.motion, search_stride(problem.motion, 2 * SEARCH_POINTS // 3))
         self._model = AnyModel(problem.axis, motion)
         self._start, self._problem = start, problem
         self._weight = _weights_at(problem, self._index)
@@ -307,18 +306,3 @@ class AnyCost:
 
     def unknowns(self, position: np.ndarray) -> np.ndarray:
         return self._fit(position)[0]
-
-
-def _coarse(motion: Motion, points: int) -> tuple[np.ndarray, Motion]:
-    """Every so-many-th sample of a motion, and which; not fewer than four per cycle of its bandwidth."""
-    stride = max(1, len(motion) // points)
-    if motion.bandwidth > 0.0:
-        stride = min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth))))
-    kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
-    index = np.concatenate(kept)
-    bounds = np.concatenate([[0], np.cumsum([len(k) for k in kept])]).astype(np.int64)
-    columns = {name: getattr(motion, name)[index] for name in ("t", "position", "velocity", "acceleration", "torque")}
-    temperature = None if motion.temperature is None else motion.temperature[index]
-    exogenous = {name: values[index] for name, values in motion.exogenous.items()}
-    coarse = replace(motion, **columns, bounds=bounds, rate=motion.rate / stride, temperature=temperature, exogenous=exogenous)
-    return index, coarse

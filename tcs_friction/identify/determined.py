@@ -47,11 +47,12 @@ def judge(
     size = float(np.std(problem.target)) or 1.0
     for _ in range(4):
         held = np.isin(np.arange(len(unknowns)), list(reasons))
-        unknowns = _with_believed(problem, unknowns, reasons, believed)
+        if polish:
+            unknowns = _with_believed(problem, unknowns, reasons, believed)
         current = space.holding(held)
         refined = refine(
-            problem.linearised, problem.torque, problem.target, problem.weights, unknowns, current, loss,
-            iterations=60 if polish else 0, cancel=cancel,
+            problem.linearised, problem.torque, problem.target, problem.weights, unknowns,
+            current if polish else _states_only(problem, current), loss, cancel=cancel,
         )  # fmt: skip
         evaluations += refined.evaluations
         unknowns = refined.unknowns.copy()
@@ -61,6 +62,11 @@ def judge(
         reasons.update(more)
         reasons.update(_companions(problem, reasons))
     return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons))
+
+
+def _states_only(problem: Problem, space: Space) -> Space:
+    """Only the initial bristle torques, which no global search looks for, may move."""
+    return space.holding(np.arange(len(space.free)) < problem.law_size + 2)
 
 
 def _beforehand(problem: Problem, space: Space) -> dict[int, str]:

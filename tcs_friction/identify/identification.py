@@ -138,7 +138,7 @@ def _law_instance(axis: Axis, law: str | None) -> Instance:
 def _cost(
     problem: Problem, method: str, free_inertia: bool, free_offset: bool, start: np.ndarray, options: IdentifyOptions
 ) -> SearchCost:
-    if problem.axis.friction.term.id != "lugre" or type(problem.model).__name__ != "LuGreModel":
+    if problem.axis.friction.term.id != "lugre":
         return AnyCost(problem, free_inertia, free_offset, start)
     if method == "default":
         return ShapeCost(problem, free_inertia, free_offset, start)
@@ -181,7 +181,8 @@ def _errors(problem: Problem, verdicts: Verdicts, training: np.ndarray, loss: st
         residual = fitted.residual
     else:
         residual = verdicts.refined.residual
-    return Errors(_rms(residual[training]), _rms(residual[~training]))
+    counted = problem.weights > 0.0
+    return Errors(_rms(residual[training & counted]), _rms(residual[~training & counted]))
 
 
 def _rms(values: np.ndarray) -> float:

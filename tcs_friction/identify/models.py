@@ -121,6 +121,8 @@ class AnyModel:
         self._motion = motion
         self._names = [p.name for p in axis.friction.term.parameters]
         self._bounds = [(p.lower, p.upper) for p in axis.friction.term.parameters]
+        gain = float(np.ptp(motion.torque)) / max(float(np.abs(motion.velocity).max()), 1e-300)
+        self._least = [1e-6 * gain if p.unit == "N m s/rad" else 1e-14 for p in axis.friction.term.parameters]
 
     def _axis_with(self, values: Sequence[float]) -> Axis:
         clipped = {
@@ -137,7 +139,7 @@ class AnyModel:
     def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         slopes = np.empty((len(self._motion), len(values)))
         for k in range(len(values)):
-            step = 1e-5 * max(abs(values[k]), 1e-9)
+            step = max(1e-5 * abs(values[k]), self._least[k])
             high, low = values.copy(), values.copy()
             high[k] += step
             low[k] = max(values[k] - step, self._bounds[k][0])

@@ -7,7 +7,7 @@ pass. The pass band ends where the position's own noise begins, so that the acce
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -18,6 +18,8 @@ from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
 LEAST_SAMPLES = 32  # of a segment that is worth filtering
+SAMPLES_PER_CYCLE = 32.0  # of the bandwidth: as many as a bristle's step needs between which velocity runs linearly
+UNSURE = 0.02  # of the range of positions: travel after a start within which a bristle may remember what nobody saw
 FILTER_ORDER = 4
 UNIFORM = 0.01  # relative jitter of the steps above which samples are moved onto a regular grid
 
@@ -27,13 +29,15 @@ class FrictionSeries:
     """Friction estimates against time, as a disturbance observer gives them. Each array (n,).
 
     t in s, strictly increasing; velocity in rad/s; friction in N m, positive against positive motion. `delay` is by how much the
-    friction lags behind the velocity, s (the observer's filter); it is taken out.
+    friction lags behind the velocity, s; it is taken out. `bandwidth` is that of the observer's filter Q, Hz, a third-order
+    Butterworth low pass (control.dob): the modelled friction is passed through it too, its lag need not be counted in `delay`.
     """
 
     t: np.ndarray
     velocity: np.ndarray
     friction: np.ndarray
     delay: float = 0.0
+    bandwidth: float = 0.0
     source: str = "friction estimate"
 
     def __post_init__(self) -> None:
@@ -51,6 +55,13 @@ class FrictionSeries:
             raise InputError(self.source, f"t must strictly increase; t[{int(np.argmin(np.diff(self.t) > 0.0)) + 1}] does not")
         if not 0.0 <= self.delay < self.t[-1] - self.t[0]:
             raise InputError(self.source, f"delay is {self.delay!r}", "from 0 to the series' duration, s")
+        if not 0.0 <= self.bandwidth < 0.5 / float(np.median(np.diff(self.t))):
+            raise InputError(self.source, f"bandwidth is {self.bandwidth!r}", "from 0 (no filter) to half the sample rate, Hz")
+
+    @property
+    def lag(self) -> float:
+        """s by which the friction lags behind the velocity at low frequency, the filter's lag included."""
+        return self.delay + (1.0 / (np.pi * self.bandwidth) if self.bandwidth > 0.0 else 0.0)
 
 
 Data = Recording | FrictionSeries
@@ -79,6 +90,7 @@ class Motion:
     exogenous: Mapping[str, np.ndarray] = field(default_factory=dict)
     sources: tuple[int, ...] = ()  # which recording each stretch is from
     notes: tuple[str, ...] = ()
+    filtered: float = 0.0  # Hz, of the observer's filter that the torque has passed, its lag at low frequency taken out; 0: none
 
     def __len__(self) -> int:
         return len(self.t)
@@ -129,8 +141,8 @@ def prepare(data: Sequence[Data], bandwidth: float | None = None) -> Motion:
 def _from_series(series: Sequence[FrictionSeries]) -> Motion:
     parts = []
     for item in series:
-        friction = np.interp(item.t + item.delay, item.t, item.friction)
-        kept = item.t <= item.t[-1] - item.delay
+        friction = np.interp(item.t + item.lag, item.t, item.friction)
+        kept = item.t <= item.t[-1] - item.lag
         t, velocity = item.t[kept], item.velocity[kept]
         position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))])
         parts.append((t, position, velocity, np.zeros(len(t)), friction[kept]))
@@ -138,7 +150,9 @@ def _from_series(series: Sequence[FrictionSeries]) -> Motion:
     bounds = np.concatenate([[0], np.cumsum([len(part[0]) for part in parts])]).astype(np.int64)
     rate = 1.0 / float(np.median(np.concatenate([np.diff(part[0]) for part in parts])))
     noise = float(np.median([_roughness(part[2]) for part in parts]))
-    return Motion(*columns, bounds, rate, 0.0, noise, True, sources=tuple(range(len(parts))))
+    if len({item.bandwidth for item in series}) > 1:
+        raise InputError(series[-1].source, f"filter bandwidth {series[-1].bandwidth:g} Hz", f"{series[0].bandwidth:g} Hz as in the others")
+    return Motion(*columns, bounds, rate, 0.0, noise, True, sources=tuple(range(len(parts))), filtered=series[0].bandwidth)
 
 
 def _roughness(values: np.ndarray) -> float:
@@ -221,3 +235,26 @@ def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> 
     result["velocity"] = np.gradient(result["position"], 1.0 / rate)
     result["acceleration"] = np.gradient(result["velocity"], 1.0 / rate)
     return {name: values[edge : length - edge] for name, values in result.items()}
+
+
+def coarse(motion: Motion, stride: int) -> tuple[np.ndarray, Motion]:
+    """Every stride-th sample of each stretch: their indices, and the motion of them alone."""
+    kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
+    index = np.concatenate(kept)
+    bounds = np.concatenate([[0], np.cumsum([len(k) for k in kept])]).astype(np.int64)
+    columns = {name: getattr(motion, name)[index] for name in ("t", "position", "velocity", "acceleration", "torque")}
+    temperature = None if motion.temperature is None else motion.temperature[index]
+    exogenous = {name: values[index] for name, values in motion.exogenous.items()}
+    rate = motion.rate / stride
+    return index, replace(motion, **columns, bounds=bounds, rate=rate, temperature=temperature, exogenous=exogenous)
+
+
+def unsure_start(motion: Motion) -> np.ndarray:
+    """(n,) True in the beginning of each stretch, where the state of the friction depends on what was before."""
+    reached = np.cumsum(np.abs(motion.travel))
+    limit = UNSURE * np.ptp(motion.position)
+    result = np.zeros(len(motion), dtype=bool)
+    for part in motion.stretches:
+        first = slice(part.start, part.start + (part.stop - part.start) // 5)
+        result[first] = reached[first] - reached[part.start] < limit
+    return result

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.models import Model, background, model_for
-from tcs_friction.identify.motion import Motion
+from tcs_friction.identify.models import AnyModel, Model, background, model_for
+from tcs_friction.identify.motion import SAMPLES_PER_CYCLE, Motion, coarse, unsure_start
 from tcs_friction.physics.axis import Axis
 
 MOST_INITIAL_STATES = 16
@@ -22,6 +23,21 @@ class Thinning:
     centres: np.ndarray
     taps: np.ndarray
     stride: int
+    sections: np.ndarray | None = None  # second-order sections of the observer's filter
+    lead: int = 0  # samples by which the filter's lag has been taken out of the data
+    bounds: np.ndarray | None = None
+
+    def modelled(self, columns: np.ndarray) -> np.ndarray:
+        """The same of modelled torques (n, k), which pass the observer's filter first where the measured ones have."""
+        if self.sections is None or self.bounds is None:
+            return self.apply(columns)
+        passed = np.empty_like(columns)
+        for start, stop in zip(self.bounds[:-1], self.bounds[1:], strict=True):
+            part = columns[start:stop]
+            rest = sosfilt_zi(self.sections)[:, :, None] * part[0]
+            filtered = sosfilt(self.sections, np.vstack([part, np.repeat(part[-1:], self.lead, axis=0)]), axis=0, zi=rest)[0]
+            passed[start:stop] = filtered[self.lead :]
+        return self.apply(passed)
 
     def apply(self, columns: np.ndarray) -> np.ndarray:
         """(n, k) -> (m, k)."""
@@ -38,11 +54,16 @@ def thinning(motion: Motion) -> Thinning:
         stride = max(1, int(motion.rate / (2.0 * motion.bandwidth)))
     else:
         stride = max(1, len(motion) // SERIES_POINTS)
+    sections, lead = None, 0
+    if motion.filtered > 0.0:
+        sections = butter(3, motion.filtered, fs=motion.rate, output="sos")
+        lead = round(motion.rate / (np.pi * motion.filtered))
     half = 0 if stride == 1 or motion.bandwidth == 0.0 else 3 * stride
     x = np.arange(-half, half + 1) / stride
     taps = np.sinc(0.8 * x) * (0.5 + 0.5 * np.cos(np.pi * x / 3.0) if half else 1.0)
-    centres = [np.arange(part.start + half, part.stop - half, stride) for part in motion.stretches]
-    return Thinning(np.concatenate(centres).astype(np.int64), taps / taps.sum(), stride)
+    centres = [np.arange(part.start + half, part.stop - half - lead, stride) for part in motion.stretches]
+    chosen = np.concatenate(centres).astype(np.int64)
+    return Thinning(chosen, taps / taps.sum(), stride, sections, lead, motion.bounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +118,7 @@ class Problem:
         k = self.law_size
         whole = self.model.torque(unknowns[:k], unknowns[k + 2 :])
         whole = whole + unknowns[k] * self.motion.acceleration + unknowns[k + 1]
-        return self.thin.apply(whole[:, None])[:, 0]
+        return self.thin.modelled(whole[:, None])[:, 0]
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Torque (m,) and its derivatives by every unknown (m, p)."""
@@ -112,7 +133,7 @@ class Problem:
         if first is not None and len(stretches) <= MOST_INITIAL_STATES:
             for s, part in enumerate(stretches):
                 columns[part, 3 + k + s] = first[part]
-        thinned = self.thin.apply(columns)
+        thinned = self.thin.modelled(columns)
         return thinned[:, 0], thinned[:, 1:]
 
 
@@ -120,7 +141,12 @@ def pose(axis: Axis, motion: Motion) -> Problem:
     """The problem of an axis (its law and effects believed) and a motion."""
     known = background(axis, motion)
     rotor = known.rotor - known.opposing
+    if motion.bandwidth > 0.0:
+        index, motion = coarse(motion, max(1, int(motion.rate / (SAMPLES_PER_CYCLE * motion.bandwidth))))
+        rotor = rotor[index]
     thin = thinning(motion)
-    return Problem(
-        axis, motion, model_for(axis, motion), rotor, thin, thin.apply(rotor[:, None])[:, 0], np.ones(len(thin.centres))
-    )
+    model = model_for(axis, motion)
+    weights = np.ones(len(thin.centres))
+    if isinstance(model, AnyModel):
+        weights[unsure_start(motion)[thin.centres]] = 0.0
+    return Problem(axis, motion, model, rotor, thin, thin.apply(rotor[:, None])[:, 0], weights)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import solve_banded
+from scipy.signal import fftconvolve
 
 LEAST_EFFECT = 1e-7  # of the largest column: below, a parameter does not act at all
 
@@ -34,11 +35,9 @@ def sandwich(jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray) ->
     slopes = slopes / size
     bread = np.linalg.pinv(slopes.T @ (emphasis[:, None] * slopes), rcond=1e-13, hermitian=True)
     scores = slopes * (emphasis * errors)[:, None]
-    meat = scores.T @ scores
-    lags = correlation_length(errors)
-    for lag in range(1, lags + 1):
-        product = scores[lag:].T @ scores[:-lag]
-        meat += (1.0 - lag / (lags + 1.0)) * (product + product.T)
+    reach = correlation_length(errors) + 1
+    bartlett = 1.0 - np.abs(np.arange(-reach + 1, reach)) / reach
+    meat = scores.T @ fftconvolve(scores, bartlett[:, None], mode="same", axes=0)
     count, parameters = slopes.shape
     covariance = bread @ meat @ bread * count / max(count - parameters, 1)
     result: np.ndarray = covariance / np.outer(size, size)
