@@ -39,14 +39,15 @@ class IdentifierConfig(ClockConfig):
     method: str = choice("default", METHODS, "of the search")
     seed: int = setting(0, "", 0, 2**31 - 1, "seed of the search")
     settle: float = setting(1.0, "s", 0.0, 1e4, "estimates so soon after the first one are not used")
-    estimate_delay: float = setting(0.0, "s", 0.0, 10.0, "by how much the observer's estimate is late")
+    estimate_delay: float = setting(0.0, "s", 0.0, 10.0, "by how much the observer's estimate is late, its filter apart")
+    estimate_bandwidth: float = setting(0.0, "Hz", 0.0, 1000.0, "of the observer's filter, which the model passes too; 0: none")
     memory: float = setting(600.0, "s", 1.0, 1e5, "estimates older than this are forgotten")
 
 
 def defaults(file: AxisFile) -> IdentifierConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(IdentifierConfig, control.loop, estimate_delay=control.observer.filter_delay)
+    return derived(IdentifierConfig, control.loop, estimate_bandwidth=control.observer.bandwidth)
 
 
 class Identifier(AxisNode[IdentifierConfig]):
@@ -112,7 +113,8 @@ class Identifier(AxisNode[IdentifierConfig]):
         keep = t >= (t[0] if len(t) else 0.0) + self.config.settle
         if np.count_nonzero(keep) < 2:
             raise JobError("live recording", f"{len(t)} estimates heard", "a run in mode MEASURE before")
-        return [FrictionSeries(t[keep], velocity[keep], torque[keep], self.config.estimate_delay)], "live"
+        delay, bandwidth = self.config.estimate_delay, self.config.estimate_bandwidth
+        return [FrictionSeries(t[keep], velocity[keep], torque[keep], delay, bandwidth)], "live"
 
 
 def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreParameters:
