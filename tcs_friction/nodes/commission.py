@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-import json
+import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rclpy.action import ActionClient
 from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import LugreParameters
 from tcs_friction_msgs.srv import SetMode
 
-from tcs_friction.config import AxisFile, write_whole
+from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch, text
-from tcs_friction.control.loop import simulate_loop, without_friction
 from tcs_friction.control.reference import load_reference
-from tcs_friction.control.tracking import ARCSEC, TrackingErrors, tracking_errors
+from tcs_friction.control.tracking import ARCSEC, TrackingErrors
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, config_file, control_of, derived
-from tcs_friction.nodes.convert import direction
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter, create_deferred_service
+from tcs_friction.nodes.outcome import (
+    both_directions,
+    friction,
+    frictionless,
+    search_costs,
+    tracking,
+    write_outcome,
+)
 from tcs_friction.nodes.qos import LATCHED
 from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.runs import Run, RunCollector
+from tcs_friction.report.commission import CommissionResult
 
 SWITCHES = (("dob", "switch1"), ("identifier", "switch2"), ("lugre_compensator", "switch3"))
 MODES = {
@@ -62,6 +70,7 @@ class Commission(AxisNode[CommissionConfig]):
         self.start()
         self.runs: dict[str, Run] = {}
         """What was measured in the last commissioning, by name."""
+        self.outcome: CommissionResult | None = None
         self._waiter = Waiter(self)
         self._remotes = Remotes(self, self._waiter)
         self._runs = RunCollector(self, self._waiter)
@@ -98,25 +107,23 @@ class Commission(AxisNode[CommissionConfig]):
         directory = Path(goal.directory) if goal.directory else None
         steps = _Steps(progress, 1 + 3 * rounds)
         self.runs.clear()
+        began = time.monotonic()
         try:
-            before = await self._run("before", SetMode.Request.PLAIN, directory, steps, "measuring the axis as it is")
+            await self._run("before", SetMode.Request.PLAIN, directory, steps, "measuring the axis as it is")
             best: tuple[Run, LugreParameters] | None = None
-            dob_error = float("nan")
             for number in range(rounds):
                 suffix = f"_{number + 1}" if rounds > 1 else ""
                 measured = await self._run(f"measure{suffix}", SetMode.Request.MEASURE, directory, steps, "measuring friction")
-                if number == 0 and self.config.simulated:
-                    dob_error = measured.observer_error(control_of(self.file).observer.filter_delay, self.config.settle)
                 parameters = await self._identified(directory, steps)
                 after = await self._run(f"after{suffix}", SetMode.Request.COMPENSATE, directory, steps, "compensating")
-                if best is None or self._errors(after).rms < self._errors(best[0]).rms:
+                if best is None or self._rms(after) < self._rms(best[0]):
                     best = (after, parameters)
         except BaseException:
             await self._calm_down()
             raise
         assert best is not None
         self._latched.publish(best[1])
-        return self._conclude(answer, before, best, dob_error, directory)
+        return await self._conclude(answer, measured, best, directory, time.monotonic() - began)
 
     async def _run(self, name: str, mode: int, directory: Path | None, steps: _Steps, stage: str) -> Run:
         """One run in a mode; its bag goes to the directory."""
@@ -177,36 +184,38 @@ class Commission(AxisNode[CommissionConfig]):
 
     # The result
 
-    def _errors(self, run: Run) -> TrackingErrors:
-        return run.tracking(self.config.settle)
-
-    def _conclude(
-        self, answer: Any, before: Run, best: tuple[Run, LugreParameters], dob_error: float, directory: Path | None
+    async def _conclude(
+        self, answer: Any, measured: Run, best: tuple[Run, LugreParameters], directory: Path | None, seconds: float
     ) -> str:
-        first, last = self._errors(before), self._errors(best[0])
-        answer.parameters = best[1]
-        answer.peak_before, answer.peak_after = _peak(first), _peak(last)
-        answer.rms_before, answer.rms_after = first.rms, last.rms
-        answer.dob_relative_error = dob_error
-        if directory is not None:
-            content = {
-                "before": _arcsec(first),
-                "after": _arcsec(last),
-                "friction_off": _arcsec(self._without_friction()) if self.config.simulated else None,
-                "dob_relative_error": dob_error,
-                "identified": _flat(best[1]),
-                "true": dict(self.file.axis.friction.values) if self.config.simulated else None,
-            }
-            write_whole(directory / "commission.json", json.dumps(content, indent=2) + "\n")
-        gain = 100.0 * (1.0 - last.rms / first.rms)
-        return f"tracking error {first.rms / ARCSEC:.4f} to {last.rms / ARCSEC:.4f} arcsec rms ({gain:.0f} % less)"
-
-    def _without_friction(self) -> TrackingErrors:
-        """The same run offline with friction switched off: what no compensation can beat."""
+        """Fill the answer, write the files, and say in one sentence what came of it."""
+        simulated = self.config.simulated
         reference = load_reference(config_file(self.config.reference_file))
-        control = control_of(self.file)
-        run = simulate_loop(without_friction(self.file.axis), reference, control.controller, control.loop)
-        return tracking_errors(run.t, run.reference_velocity, run.error, self.config.settle)
+        result = CommissionResult(
+            axis=self.file.axis.name,
+            before=tracking(self.runs["before"]),
+            after=tracking(best[0]),
+            measurement=friction(measured, control_of(self.file).observer.filter_delay),
+            identified=both_directions(best[1]),
+            costs=search_costs(directory) if directory else np.zeros(0),
+            friction_off=frictionless(self.file, reference) if simulated else None,
+            true=dict(self.file.axis.friction.values) if simulated else None,
+            settle=self.config.settle,
+            seconds=seconds,
+        )
+        first, last = (run.errors(self.config.settle) for run in (result.before, result.after))
+        answer.parameters = best[1]
+        answer.peak_before, answer.peak_after = _peak(first) * ARCSEC, _peak(last) * ARCSEC
+        answer.rms_before, answer.rms_after = first.rms * ARCSEC, last.rms * ARCSEC
+        error = result.dob_relative_error
+        answer.dob_relative_error = float("nan") if error is None else error
+        self.outcome = result
+        if directory is not None:
+            await self._waiter.in_thread(lambda: write_outcome(directory, result))
+        gain = 100.0 * (1.0 - last.rms / first.rms)
+        return f"tracking error {first.rms:.4f} to {last.rms:.4f} arcsec rms ({gain:.0f} % less)"
+
+    def _rms(self, run: Run) -> float:
+        return tracking(run).errors(self.config.settle).rms
 
 
 class _Steps:
@@ -231,16 +240,6 @@ class _Steps:
 
 def _peak(errors: TrackingErrors) -> float:
     return max(abs(errors.peak_positive), abs(errors.peak_negative))
-
-
-def _arcsec(errors: TrackingErrors) -> dict[str, float]:
-    """The numbers of Table 3 in arcseconds."""
-    names = ("peak_positive", "peak_negative", "rms")
-    return {name: value / ARCSEC for name, value in asdict(errors).items() if name in names}
-
-
-def _flat(message: LugreParameters) -> dict[str, dict[str, float]]:
-    return {side: asdict(direction(getattr(message, side))) for side in ("positive", "negative")}
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -20,18 +19,10 @@ from tcs_friction.nodes import graph
 from tcs_friction.nodes.commission import Commission
 from tcs_friction.nodes.executor import make_executor, spin
 from tcs_friction.nodes.jobs import Waiter
-from tcs_friction.nodes.runs import Run
+from tcs_friction.report.commission import CommissionResult
 
 NODES = (*graph.LOOP, "identifier")
 """Besides commission itself."""
-
-
-@dataclass(frozen=True)
-class Commissioned:
-    """Runs by name (before, measure, after; with several rounds measure_1, after_1, ...) and the action's result."""
-
-    runs: Mapping[str, Run]
-    result: Any
 
 
 def own_domain() -> int:
@@ -46,15 +37,16 @@ def commission(
     directory: Path,
     processes: bool = False,
     tell: Callable[[float, str], None] = lambda _share, _stage: None,
-) -> Commissioned:
+    seed: int = 0,
+) -> CommissionResult:
     """Start the graph, run the action commission on it, end the graph.
 
-    `directory` gets the bags, identification.json, axis.yaml and commission.json; `processes` gives every node a process of
-    its own. `tell` hears the share of the work done and what is being done. Raises JobError with the reason when a node
-    dies or a step fails, KeyboardInterrupt when interrupted.
+    `directory` gets the bags, identification.json, axis.yaml, commission.json and report.html; `processes` gives every
+    node a process of its own. `tell` hears the share of the work done and what is being done. Raises JobError with the reason
+    when a node dies or a step fails, KeyboardInterrupt when interrupted.
     """
     own_domain()
-    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0"])
+    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0", "-p", f"seed:={seed}"])
     children = graph.start_processes(arguments, NODES) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):
@@ -75,7 +67,8 @@ def commission(
             raise KeyboardInterrupt
         if done.exception() is not None:
             raise done.exception()
-        return Commissioned(node.runs, done.result())
+        assert node.outcome is not None
+        return node.outcome
 
 
 @contextlib.contextmanager

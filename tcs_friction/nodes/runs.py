@@ -13,7 +13,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, FrictionEstimate
 
-from tcs_friction.control.tracking import TrackingErrors, tracking_errors
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.jobs import Waiter
@@ -41,27 +40,11 @@ class Run:
     joint: str
     topics: dict[str, list[Array]]
 
-    def _matched(self, first: str, second: str) -> tuple[list[Array], list[Array]]:
+    def matched(self, first: str, second: str) -> tuple[list[Array], list[Array]]:
         """The columns of two topics at the stamps that both have."""
         a, b = self.topics[first], self.topics[second]
         _, at_a, at_b = np.intersect1d(a[0], b[0], return_indices=True)
         return [column[at_a] for column in a], [column[at_b] for column in b]
-
-    def tracking(self, settle: float) -> TrackingErrors:
-        """Errors of the measured position against the reference."""
-        (t, position, _, _), (_, wanted, speed, _) = self._matched("joint_states", "reference")
-        return tracking_errors(t, speed, wanted - position, settle)
-
-    def observer_error(self, delay: float, settle: float) -> float:
-        """RMS of the observer's error over RMS of the true friction, its known delay (s) taken out; NaN without truth."""
-        if "true_friction" not in self.topics:
-            return float("nan")
-        (t, true, *_), (_, estimate, *_) = self._matched("true_friction", "friction_estimate")
-        if len(t) < 2:
-            return float("nan")
-        late = np.interp(t + delay, t, estimate)
-        keep = (t >= t[0] + settle) & (t <= t[-1] - delay)
-        return float(np.sqrt(np.mean((late[keep] - true[keep]) ** 2) / np.mean(true[keep] ** 2)))
 
     def write(self, path: Path, namespace: str) -> None:
         """A bag of the run. Raises InputError when the path exists."""

@@ -1,0 +1,61 @@
+"""The main job, end to end, on the node graph: measure an axis, identify its friction, compensate it, measure again.
+
+Prints Table 3's rows beside the paper's; leaves bags, identification.json, axis.yaml, commission.json, pictures and report.html.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from tcs_friction.errors import InputError
+from tcs_friction.report.commission import console_table
+
+BAR = 30
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument("-o", "--output", type=Path, default=Path("demo"), metavar="DIR", help="where it goes (default: demo)")
+    parser.add_argument("--axis", default="azimuth_1p2m.yaml", help="axis file (default: %(default)s)")
+    parser.add_argument("--reference", default="azimuth_1p2m_run.yaml", help="tracking run (default: %(default)s)")
+    parser.add_argument("--processes", action="store_true", help="one process for each node")
+    parser.add_argument("--seed", type=int, default=0, help="of noise and search (default 0)")
+    parser.add_argument("--json", action="store_true", help="print commission.json")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Run it and print."""
+    try:
+        from tcs_friction.nodes.demo import commission
+    except ModuleNotFoundError as error:
+        raise InputError("demo", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
+    if arguments.output.exists() and any(arguments.output.iterdir()):
+        raise InputError(str(arguments.output), "is not empty", "a new directory (-o DIR)")
+    tell = _bar if sys.stderr.isatty() else _silent
+    result = commission(
+        arguments.axis, arguments.reference, arguments.output, arguments.processes, tell, seed=arguments.seed
+    )
+    if sys.stderr.isatty():
+        print("\r\033[K", end="", file=sys.stderr)
+    if arguments.json:
+        print(json.dumps(result.to_mapping(), allow_nan=False))
+        return
+    print(console_table(result))
+    observed = result.dob_relative_error
+    if observed is not None:
+        print(f"friction seen by the observer: {100.0 * (1.0 - observed):.2f} % accurate (paper 96.94 %)")
+    print(f"{result.seconds:.0f} s")
+    print(arguments.output / "report.html")
+
+
+def _silent(_share: float, _stage: str) -> None:
+    """No progress into a pipe."""
+
+
+def _bar(share: float, stage: str) -> None:
+    filled = round(BAR * share)
+    text = f"\r\033[K[{'#' * filled}{'.' * (BAR - filled)}] {100.0 * share:3.0f} %  {stage}"
+    print(text, end="", file=sys.stderr, flush=True)
