@@ -207,7 +207,7 @@ def _cut(
     assert position is not None  # _usable has raised otherwise
     assert torque is not None
     exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
-    seconds = (times - times[0]) * 1e-9
+    seconds = (times - times[0]) / 1e9
     return Recording(
         seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
         exogenous, segments, source, tuple(told),

@@ -6,7 +6,7 @@ import re
 import tempfile
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -189,7 +189,8 @@ class Bag:
         lengths = np.array([len(part) for part in parts], dtype=np.int64)
         starts = np.cumsum(lengths) - lengths
         buffer = np.frombuffer(b"".join(parts), np.uint8)
-        return replace(batch, buffer=buffer, log_times=batch.log_times[whole], starts=starts, lengths=lengths)
+        times = batch.log_times[whole]
+        return Batch(batch.channel, buffer, times, starts, lengths, unpacked_from=batch.buffer)
 
 
 def _message(payload: bytes) -> bytes:

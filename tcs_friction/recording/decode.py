@@ -30,13 +30,21 @@ SECOND = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Some messages of one channel as they lie in a buffer: (n,) log times in ns, payload offsets and lengths."""
+    """Some messages of one channel as they lie in a buffer: (n,) log times in ns, payload offsets and lengths.
+
+    piece: the piece of the file that they come from; batches of one piece follow one another.
+    """
 
     channel: Channel
     buffer: NDArray[np.uint8]
     log_times: Nanoseconds
     starts: NDArray[np.int64]
     lengths: NDArray[np.int64]
+    unpacked_from: NDArray[np.uint8] | None = None
+
+    @property
+    def piece(self) -> NDArray[np.uint8]:
+        return self.buffer if self.unpacked_from is None else self.unpacked_from
 
     def __len__(self) -> int:
         return len(self.starts)

@@ -113,7 +113,7 @@ def _filled(
 
 
 def _bytes(values: NDArray[Any], code: str) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(values).astype(code).view(np.uint8).reshape(len(values), -1)
+    return np.ascontiguousarray(values).astype(code).view(np.uint8).reshape(len(values), int(code[2]))
 
 
 def simple_type(topic: str, sources: Sequence[SignalSource]) -> str:

@@ -23,12 +23,11 @@ def in_log_order(bag: Bag, topics: Collection[str] | None = None, begin: int = 0
     for batch in bag.batches(topics):
         if not len(batch):
             continue
-        waiting.append(batch)
-        newest = max(newest, int(batch.log_times.max()))
-        oldest = min(int(item.log_times.min()) for item in waiting)
-        if newest - oldest > 2 * LOOK_AHEAD:
+        if waiting and batch.piece is not waiting[-1].piece:  # every topic of the piece before has come
             ready, waiting = _divided(waiting, newest - LOOK_AHEAD)
             yield from _sorted(ready, begin)
+        waiting.append(batch)
+        newest = max(newest, int(batch.log_times.max()))
     yield from _sorted(waiting, begin)
 
 
@@ -37,14 +36,16 @@ def _divided(batches: list[Batch], limit: int) -> tuple[list[Batch], list[Batch]
     before, after = [], []
     for batch in batches:
         early = batch.log_times < limit
-        before.append(_part(batch, early))
+        if early.any():
+            before.append(_part(batch, early))
         if not early.all():
             after.append(_part(batch, ~early))
     return before, after
 
 
 def _part(batch: Batch, chosen: np.ndarray) -> Batch:
-    return Batch(batch.channel, batch.buffer, batch.log_times[chosen], batch.starts[chosen], batch.lengths[chosen])
+    times, starts, lengths = batch.log_times[chosen], batch.starts[chosen], batch.lengths[chosen]
+    return Batch(batch.channel, batch.buffer, times, starts, lengths, batch.unpacked_from)
 
 
 def _sorted(batches: list[Batch], begin: int) -> Iterator[Message]:

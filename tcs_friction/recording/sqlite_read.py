@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
 import tempfile
@@ -105,7 +106,13 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     log = path.with_name(f"{path.name}-wal")
     with tempfile.TemporaryDirectory() as scratch:
         options = "mode=ro&immutable=1"
-        if log.exists() and log.stat().st_size:
+        if broken := _broken_page(path):
+            # sqlite would fill the rest of a page that the end of the file cuts with zeros and read on in them
+            copy = Path(scratch, "cut.db3")
+            shutil.copyfile(path, copy)
+            os.truncate(copy, path.stat().st_size - broken)
+            path = copy
+        elif log.exists() and log.stat().st_size:
             shutil.copyfile(path, Path(scratch, "copy.db3"))
             shutil.copyfile(log, Path(scratch, "copy.db3-wal"))
             path, options = Path(scratch, "copy.db3"), "mode=rw"
@@ -117,6 +124,14 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
                 connection.execute("PRAGMA writable_schema = ON")
             connection.text_factory = lambda raw: raw.decode(errors="replace")
             yield connection
+
+
+def _broken_page(path: Path) -> int:
+    """Bytes of the last page if it is not whole, else 0."""
+    with path.open("rb") as stream:
+        size = int.from_bytes(stream.read(18)[16:18], "big")
+    size = 65536 if size == 1 else size
+    return path.stat().st_size % size if size >= 512 else 0
 
 
 def _channels(connection: sqlite3.Connection) -> dict[int, Channel]:
