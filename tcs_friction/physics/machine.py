@@ -134,7 +134,7 @@ def build(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _call(m: Machine, k: int, dt: float) -> float:
+def call_term(m: Machine, k: int, dt: float) -> float:
     """One kernel on its own slice of parameters and states."""
     parameters = m.parameters[m.parameter_ends[k] : m.parameter_ends[k + 1]]
     state = m.states[m.state_ends[k] : m.state_ends[k + 1]]
@@ -147,9 +147,9 @@ def torques(m: Machine, dt: float) -> tuple[float, float]:
     friction, opposing = 0.0, 0.0
     m.motion[EXTRA_LEVEL], m.motion[DRY_SCALE], m.motion[VISCOUS_SCALE] = 0.0, 1.0, 1.0
     for k in range(m.ends[0], m.ends[2]):
-        friction += _call(m, k, dt)
+        friction += call_term(m, k, dt)
     for k in range(m.ends[2], m.ends[4]):
-        opposing += _call(m, k, dt)
+        opposing += call_term(m, k, dt)
     return friction, opposing
 
 
@@ -169,7 +169,7 @@ def advance(m: Machine, torque: float) -> None:
     motion[INERTIA] = m.constants[MASS]
     motion[TORQUE] = torque
     for k in range(m.ends[0]):
-        motion[TORQUE] = _call(m, k, dt)
+        motion[TORQUE] = call_term(m, k, dt)
     motion[ARREST] = m.constants[MASS] * velocity / dt + motion[TORQUE] - body[OTHERS]
     friction, opposing = torques(m, dt)
     acceleration = (motion[TORQUE] - friction - opposing) / motion[INERTIA]
@@ -196,7 +196,7 @@ def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float
     m.motion[POSITION] = body[TRUE_POSITION]
     position = body[TRUE_POSITION] + constants[ENCODER_NOISE] * encoder_normal
     for k in range(m.ends[4], m.ends[5]):
-        position += _call(m, k, constants[STEP])
+        position += call_term(m, k, constants[STEP])
     if constants[RESOLUTION] > 0.0:
         position = constants[RESOLUTION] * math.floor(position / constants[RESOLUTION] + 0.5)
     raw = (position - body[MEASURED]) / (constants[STEP] * constants[SUBSTEPS])
@@ -250,11 +250,11 @@ def evaluate(
             error, slope, curve = 0.0, 0.0, 0.0
             for k in range(m.ends[4], m.ends[5]):
                 motion[POSITION] = q - step
-                before = _call(m, k, dt)
+                before = call_term(m, k, dt)
                 motion[POSITION] = q + step
-                after = _call(m, k, dt)
+                after = call_term(m, k, dt)
                 motion[POSITION] = q
-                here = _call(m, k, dt)
+                here = call_term(m, k, dt)
                 error += here
                 slope += (after - before) / (2.0 * step)
                 curve += (after - 2.0 * here + before) / (step * step)
@@ -270,7 +270,7 @@ def evaluate(
             motion[TEMPERATURE + s] = signals[s, i]
         motion[TORQUE] = torque[i]
         for k in range(m.ends[0]):
-            motion[TORQUE] = _call(m, k, dt)
+            motion[TORQUE] = call_term(m, k, dt)
         friction, opposing = torques(m, dt)
         out[i, REQUIRED] = motion[INERTIA] * a + friction + opposing
         out[i, ROTOR] = motion[TORQUE]
