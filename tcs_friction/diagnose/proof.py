@@ -1,0 +1,214 @@
+"""The proof in motion: an axis model driven by the measured torque alone, beside what the axis really did.
+
+A torque residual can be small where it does not matter and large where it does; a free run shows what a simulation with this
+model is worth. Many windows of held-out data start from the measured state; the terms' memories (bristles, delay,
+second body) are those that the measured motion up to there has left in them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.physics import machine
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.machine import (
+    CLOCK,
+    LAST_MIDDLE,
+    MASS,
+    OTHERS,
+    TRUE_ACCELERATION,
+    TRUE_POSITION,
+    TRUE_VELOCITY,
+    Machine,
+    advance,
+    call_term,
+    torques,
+)
+from tcs_friction.physics.terms import (
+    ACCELERATION,
+    ARREST,
+    INERTIA,
+    POSITION,
+    TEMPERATURE,
+    TIME,
+    TORQUE,
+    TRAVEL,
+    VELOCITY,
+)
+
+HORIZON = 1.0  # s
+WINDOWS = 100  # at most, spread over the held-out data
+LONGEST_STEP = 1e-3  # s
+
+
+def usable_horizon(data: Conditioned, horizon: float = HORIZON) -> float:
+    """The horizon (s), shorter where no held-out stretch is that long; 0 without held-out data."""
+    step = data.dt / data.stride
+    longest = max((b - a for mask in _held_out(data) for a, b in mask), default=0)
+    return min(horizon, max(longest - 1, 0) * step)
+
+
+def free_run(data: Conditioned, axis: Axis, horizon: float = HORIZON) -> float:
+    """Rms (rad) of the position error within windows of `horizon` (s, or what fits) of the held-out data.
+
+    An error beyond the whole travel counts as the travel, so a model that runs away has a large error but a number.
+    """
+    step = data.dt / data.stride
+    length = round(usable_horizon(data, horizon) / step)
+    if length < 1:
+        return 0.0
+    runs = _held_out(data)
+    starts = _windows(runs, length)
+    travel = float(np.ptp(data.joined("position")))
+    pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
+    resolution = max(2.0 * data.velocity_noise, 1e-12)
+    squares, count = 0.0, 0
+    for s, begins in zip(data.stretches, starts, strict=True):
+        if not len(begins):
+            continue
+        compiled = machine.build(axis, step / pieces, signals=data.names, position=float(s.position[0]))
+        errors = np.empty((len(begins), length))
+        _walk(
+            compiled,
+            s.t,
+            s.position,
+            s.velocity,
+            s.acceleration,
+            s.torque,
+            s.signals,
+            resolution,
+            pieces,
+            begins,
+            travel,
+            errors,
+        )
+        squares += float(np.sum(errors**2))
+        count += errors.size
+    return math.sqrt(squares / max(count, 1))
+
+
+def _held_out(data: Conditioned) -> list[list[tuple[int, int]]]:
+    """For each stretch the runs (first, last + 1) of evaluated samples that are held out."""
+    result = []
+    for s in data.stretches:
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], s.held_out.astype(np.int8), [0]])))
+        last = len(s.t)
+        result.append(
+            [
+                (int(a) * data.stride, min((int(b) - 1) * data.stride + 1, last))
+                for a, b in zip(edges[::2], edges[1::2], strict=True)
+            ]
+        )
+    return result
+
+
+def _windows(runs: list[list[tuple[int, int]]], length: int) -> list[np.ndarray]:
+    """First samples of the windows in each stretch: end to end, then every n-th so that WINDOWS are left."""
+    begins = [
+        [a + k * length for a, b in mask for k in range((b - a - 1) // length)] for mask in runs
+    ]
+    every = max(1, math.ceil(sum(map(len, begins)) / WINDOWS))
+    offset, result = 0, []
+    for some in begins:
+        result.append(np.array(some[(-offset) % every :: every], dtype=np.int64))
+        offset += len(some)
+    return result
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _walk(
+    m: Machine,
+    t: Any,
+    position: Any,
+    velocity: Any,
+    acceleration: Any,
+    torque: Any,
+    signals: Any,
+    resolution: float,
+    pieces: int,
+    begins: Any,
+    cap: float,
+    errors: Any,
+) -> None:
+    """Follow the measured motion in fine steps and let go at each of `begins`; errors (windows, length) in rad."""
+    motion, dt = m.motion, m.constants[machine.STEP]
+    level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
+    window, before, opposing = 0, 0.0, 0.0
+    last = begins[-1]
+    for i in range(last + 1):
+        for piece in range(1 if i == 0 else pieces):
+            part = 0.0 if i == 0 else (piece + 1.0) / pieces
+            k = max(i - 1, 0)
+            elapsed = dt if i > 0 else 0.0
+            q = position[k] + part * (position[i] - position[k])
+            v = velocity[k] + part * (velocity[i] - velocity[k])
+            motion[TIME] = t[k] + part * (t[i] - t[k])
+            motion[POSITION] = q
+            error = 0.0
+            for j in range(m.ends[4], m.ends[5]):
+                error += call_term(m, j, elapsed)
+            if elapsed > 0.0:
+                v -= (error - before) / elapsed
+            before = error
+            motion[TRAVEL] = 0.5 * (v + motion[VELOCITY]) * elapsed
+            motion[POSITION] = q - error
+            motion[VELOCITY] = v
+            motion[ACCELERATION] = acceleration[k] + part * (acceleration[i] - acceleration[k])
+            motion[INERTIA] = m.constants[MASS]
+            motion[ARREST] = level * v / resolution
+            for s in range(signals.shape[0]):
+                motion[TEMPERATURE + s] = signals[s, k] + part * (signals[s, i] - signals[s, k])
+            motion[TORQUE] = torque[k] + part * (torque[i] - torque[k])
+            for j in range(m.ends[0]):
+                motion[TORQUE] = call_term(m, j, elapsed)
+            _, opposing = torques(m, elapsed)
+        if i == begins[window]:
+            states, kept = m.states.copy(), motion.copy()
+            _let_go(m, i, opposing, t, position, torque, signals, pieces, cap, errors[window])
+            m.states[:] = states
+            motion[:] = kept
+            window += 1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _let_go(
+    m: Machine,
+    begin: int,
+    opposing: float,
+    t: Any,
+    position: Any,
+    torque: Any,
+    signals: Any,
+    pieces: int,
+    cap: float,
+    errors: Any,
+) -> None:
+    """Integrate from the state in `m.motion` on with the measured torque."""
+    motion, body = m.motion, m.body
+    body[TRUE_POSITION] = motion[POSITION]
+    body[LAST_MIDDLE] = motion[POSITION]
+    body[TRUE_VELOCITY] = motion[VELOCITY]
+    body[TRUE_ACCELERATION] = motion[ACCELERATION]
+    motion[ACCELERATION] = 0.0
+    body[OTHERS] = opposing
+    body[CLOCK] = t[begin]
+    for n in range(len(errors)):
+        i = begin + n
+        for piece in range(pieces):
+            part = (piece + 0.5) / pieces
+            for s in range(signals.shape[0]):
+                motion[TEMPERATURE + s] = signals[s, i] + part * (signals[s, i + 1] - signals[s, i])
+            advance(m, torque[i] + part * (torque[i + 1] - torque[i]))
+        motion[POSITION] = body[TRUE_POSITION]
+        error = body[TRUE_POSITION] - position[i + 1]
+        for j in range(m.ends[4], m.ends[5]):
+            error += call_term(m, j, m.constants[machine.STEP])
+        if not abs(error) < cap:
+            errors[n:] = cap
+            return
+        errors[n] = error
