@@ -78,6 +78,16 @@ class AxisFile:
         return replace(self, axis=axis)
 
 
+def shipped(name: str) -> Path:
+    """A file of the config folder, of the checkout or of the installed package; InputError if it has none of that name."""
+    prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    folders = [Path(__file__).resolve().parents[1] / "config", *(Path(p, "share/tcs_friction/config") for p in prefixes)]
+    for folder in folders:
+        if (folder / name).is_file():
+            return folder / name
+    raise InputError(name, "not in the config folder", f"one of the files in {folders[0]}")
+
+
 def load_yaml(path: Path) -> Mapping[str, Any]:
     """A YAML file whose top level is a mapping; InputError in one line otherwise."""
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.compensator import CompensatorConfig
@@ -86,7 +87,7 @@ class Observed:
         truth = (run.friction + run.opposing)[:stop]
         return cls(run.t[:stop], run.reference_velocity[:stop], run.friction_estimate[ticks:], truth)
 
-    def relative_error(self, keep: Array | None = None) -> float:
+    def relative_error(self, keep: NDArray[np.bool_] | None = None) -> float:
         """RMS of the estimate's error over RMS of the truth."""
         chosen = np.full(len(self.t), True) if keep is None else keep
         error = (self.friction - self.truth)[chosen]
