@@ -24,6 +24,7 @@ from tcs_friction.physics.registry import effect as effect_named
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.physics.terms import Instance, instance, linear_unit, nearest
 
+LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0, stagnation=24)
 QUICK_GENERIC = SwarmOptions(population=32, generations=1, swarm_generations=16, genetic_generations=0, stagnation=16)
@@ -219,6 +220,8 @@ def _directions(problem: Problem, verdicts: Verdicts, loss: str) -> Mapping[str,
     )
     for way, sign in (("positive", 1.0), ("negative", -1.0)):
         part = problem.masked(sign * problem.velocity > 0.0)
+        if np.count_nonzero(part.weights) < LEAST_ONE_WAY:
+            continue
         fitted = refine(
             part.linearised, part.torque, part.target, part.weights, verdicts.refined.unknowns, space, loss, iterations=20
         )

@@ -31,6 +31,8 @@ def sandwich(jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray) ->
     """
     counted = weights > 0.0
     slopes, errors, emphasis = jacobian[counted], residual[counted], weights[counted]
+    if not slopes.size:
+        return np.zeros((jacobian.shape[1], jacobian.shape[1]))
     size = np.maximum(np.sqrt(np.sum(emphasis[:, None] * slopes**2, axis=0)), 1e-140)
     slopes = slopes / size
     bread = np.linalg.pinv(slopes.T @ (emphasis[:, None] * slopes), rcond=1e-13, hermitian=True)
