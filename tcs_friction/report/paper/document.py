@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tcs_friction.report import published
 from tcs_friction.report.commission import cut
 from tcs_friction.report.html import Cell, Html, Number, key_numbers, page, section, table, write_page
@@ -60,14 +62,14 @@ def measure(stand: Stand, progress: Progress = lambda _what, _share: None) -> Pa
     progress("friction at ten speeds", 0.1)
     friction = measurement.measure(stand)
     progress("identification", 0.3)
-    methods = len(identification.METHODS)
-    done = [0.0]
+    searches = identification.SEEDS * len(identification.METHODS)
+    shares = [0.0]
 
     def searching(share: float) -> None:
-        if share < done[-1]:
-            done.append(share)  # the next method begins
-        done[-1] = share
-        progress("identification", 0.3 + 0.5 * (len(done) - 1 + share) / methods)
+        if share < shares[-1]:
+            shares.append(share)  # the next search begins
+        shares[-1] = share
+        progress("identification", min(0.3 + 0.5 * (len(shares) - 1 + share) / searches, 0.8))
 
     search = identification.measure(stand, friction.run, lambda g: searching(g.share))
     compensator = search.compensator(stand.control.compensator)
@@ -84,16 +86,16 @@ def comparisons(result: PaperResult) -> list[Row]:
     before, after = published.BEFORE, published.AFTER
     ours = result.tracking.errors
     none, both = ours[tracking.NONE], ours[tracking.BOTH]
-    found = result.search.found
+    median = {method: float(np.median(values)) for method, values in result.search.spread.items()}
     calibration = result.measurement.calibration
     simulated = "a simulated axis and dynamometer beside real ones"
     return [
         Row("accuracy of the observer", 100 * calibration.accuracy, "%", 100 * published.DOB_ACCURACY, True, simulated),
-        Row("identification RMSE, PSO-GA", identification.rmse(found["pso-ga"]), "N m", published.RMSE_PSO_GA, False,
+        Row("identification RMSE, PSO-GA", median["pso-ga"], "N m", published.RMSE_PSO_GA, False,
             "not comparable: other friction data"),
-        Row("identification RMSE, PSO alone", identification.rmse(found["pso"]), "N m", published.RMSE_PSO, False,
+        Row("identification RMSE, PSO alone", median["pso"], "N m", published.RMSE_PSO, False,
             "not comparable: other friction data"),
-        Row("identification RMSE, swarm and Levenberg-Marquardt", identification.rmse(found["default"]), "N m", None, False),
+        Row("identification RMSE, swarm and Levenberg-Marquardt", median["default"], "N m", None, False),
         Row("positive peaks cut by", 100 * cut(none.peak_positive, both.peak_positive), "%",
             100 * cut(before.peak_positive, after.peak_positive), True),
         Row("negative peaks cut by", 100 * cut(none.peak_negative, both.peak_negative), "%",
