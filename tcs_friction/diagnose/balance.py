@@ -142,34 +142,32 @@ class Balance:
     def __init__(self, data: Conditioned) -> None:
         self.data = data
         self.weights = np.array([1.0])
-        self.sizes = [len(s.t) for s in data.stretches]
+        self.sizes = [len(s.train) for s in data.stretches]
         self.ends = np.cumsum([0, *self.sizes])
         self.train = data.joined("train")
         self.held_out = data.joined("held_out")
-        self.local_weight = np.ones(len(self.train))  # 1/variance of the whitened noise relative to the record's
+        self.local_weight = np.ones(
+            len(self.train)
+        )  # 1/variance of the whitened noise relative to the record's
         self.evaluations = 0
         self._refresh_rows()
 
     def evaluate(self, axis: Axis) -> np.ndarray:
         """(n, 8) as `machine.evaluate` writes it, stretches one after the other."""
-        out = np.empty((int(self.ends[-1]), 8))
         data = self.data
         resolution = max(2.0 * data.velocity_noise, 1e-12)
-        for s, begin, end in zip(data.stretches, self.ends[:-1], self.ends[1:], strict=True):
-            compiled = machine.build(axis, data.dt, signals=data.names, position=float(s.position[0]))
-            machine.evaluate(
-                compiled,
-                s.t,
-                s.position,
-                s.velocity,
-                s.acceleration,
-                s.torque,
-                s.signals,
-                resolution,
-                out[begin:end],
+        parts = []
+        for s in data.stretches:
+            out = np.empty((len(s.t), 8))
+            compiled = machine.build(
+                axis, data.dt / data.stride, signals=data.names, position=float(s.position[0])
             )
+            machine.evaluate(
+                compiled, s.t, s.position, s.velocity, s.acceleration, s.torque, s.signals, resolution, out
+            )
+            parts.append(out[:: data.stride])
         self.evaluations += 1
-        return out
+        return np.concatenate(parts)
 
     def residual(self, axis: Axis) -> np.ndarray:
         """Torque residual (n,), N m."""

@@ -21,7 +21,8 @@ SHORTEST = 2.0  # s; a shorter stretch is left out
 FEWEST = 200  # samples
 EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends of a stretch
 EDGE_SECONDS = 0.25
-SAMPLES_PER_PERIOD = 6.0  # kept, of the cutoff
+SAMPLES_PER_PERIOD = 5.0  # compared, of the cutoff
+STEPS_PER_PERIOD = 12.0  # at which motion is evaluated: bristles need finer steps than the comparison
 FILTER_ORDER = 8
 HELD_OUT = 0.25  # share of the data
 BLOCKS = 16  # that a lone recording is cut into to hold some out
@@ -29,7 +30,10 @@ BLOCKS = 16  # that a lone recording is cut into to hold some out
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A gap-free, uniformly sampled, filtered piece of a recording; all arrays (n,), signals (1 + s, n)."""
+    """A gap-free, uniformly sampled, filtered piece of a recording; all arrays (n,), signals (1 + s, n).
+
+    The masks mark the samples that are compared, every `stride`-th.
+    """
 
     t: np.ndarray  # s, of the recording
     position: np.ndarray
@@ -45,13 +49,14 @@ class Stretch:
 class Conditioned:
     """Recordings ready for torque balances.
 
-    cutoff: of the common filter, Hz. dt: s between samples. velocity_noise: rad/s rms left in the velocity.
+    cutoff: of the common filter, Hz. dt: s between samples that are compared, every `stride`-th that is evaluated. velocity_noise: rad/s rms left in the velocity.
     position_noise: rad rms before filtering.
     names: of the exogenous signals. notes: what was found and done, one line each.
     """
 
     stretches: tuple[Stretch, ...]
     dt: float
+    stride: int
     cutoff: float
     velocity_noise: float
     position_noise: float
@@ -60,8 +65,9 @@ class Conditioned:
     notes: tuple[str, ...]
 
     def joined(self, name: str) -> np.ndarray:
-        """One quantity over all stretches."""
-        return np.concatenate([getattr(s, name) for s in self.stretches], axis=-1)
+        """One quantity over all stretches at the samples that are compared."""
+        step = 1 if name in ("train", "held_out") else self.stride
+        return np.concatenate([getattr(s, name)[..., ::step] for s in self.stretches], axis=-1)
 
 
 def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> list[np.ndarray]:
@@ -135,20 +141,22 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     chosen = [choose_cutoff(position, dt) for _, position, _, _ in uniform]
     cutoff = float(np.median([c for c, _ in chosen]))
     noise = float(np.median([n for _, n in chosen]))
-    step = max(1, int(1.0 / (SAMPLES_PER_PERIOD * cutoff * dt)))
+    step = max(1, int(1.0 / (STEPS_PER_PERIOD * cutoff * dt)))
+    stride = max(1, int(1.0 / (SAMPLES_PER_PERIOD * cutoff * dt * step)))
     notes.append(
-        f"motion and torque low-passed at {cutoff:.3g} Hz (position noise {noise:.2g} rms), kept at {1 / (step * dt):.4g} Hz"
+        f"motion and torque low-passed at {cutoff:.3g} Hz (position noise {noise:.2g} rms), evaluated at "
+        f"{1 / (step * dt):.4g} Hz, compared at {1 / (step * stride * dt):.4g} Hz"
     )
     velocity_noise = noise * 2.0 * math.pi * cutoff * math.sqrt(2.0 * dt * cutoff / 3.0)
     names = tuple(recordings[0].exogenous)
     parts = [_filtered(r, piece, dt, cutoff, step) for (r, _), piece in zip(long, uniform, strict=True)]
-    sizes = [len(part["t"]) for part in parts]
+    sizes = [-(-len(part["t"]) // stride) for part in parts]
     masks = (
         _hold_out([r for r, _ in long], sizes, len(recordings))
         if held_out
         else [np.zeros(n, bool) for n in sizes]
     )
-    edge = math.ceil(max(EDGE_PERIODS / cutoff, EDGE_SECONDS) / (step * dt))
+    edge = math.ceil(max(EDGE_PERIODS / cutoff, EDGE_SECONDS) / (step * stride * dt))
     stretches = []
     for part, mask in zip(parts, masks, strict=True):
         usable = np.zeros(len(mask), bool)
@@ -156,7 +164,17 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
         gap = ndimage.binary_dilation(mask, iterations=edge) if mask.any() else mask
         stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask))
     temperature = all(r.temperature is not None for r in recordings)
-    return Conditioned(tuple(stretches), step * dt, cutoff, velocity_noise, noise, names, temperature, tuple(notes))
+    return Conditioned(
+        tuple(stretches),
+        step * stride * dt,
+        stride,
+        cutoff,
+        velocity_noise,
+        noise,
+        names,
+        temperature,
+        tuple(notes),
+    )
 
 
 def check(recordings: Sequence[Recording]) -> None:

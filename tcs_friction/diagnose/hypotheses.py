@@ -12,9 +12,10 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from tcs_friction.diagnose.balance import Balance, Free, pairs
 from tcs_friction.physics import machine
@@ -33,6 +34,7 @@ class Start:
     gain: float
     count: int  # of free numbers
     looks: float  # how many alternatives were looked at to find it
+    excess: float = 1.0  # how much chance gives near its order, over what the noise estimate says
 
 
 class Background:
@@ -135,7 +137,9 @@ def _unit_size(unit: str) -> float:
     return {"": 0.01, "1/degC": 0.001, "rad": 1e-7}.get(unit, 1.0)
 
 
-def starts(background: Background, term: Term, signal_name: str | None, pool: ThreadPoolExecutor) -> list[Start]:
+def starts(
+    background: Background, term: Term, signal_name: str | None, pool: ThreadPoolExecutor
+) -> list[Start]:
     """Promising starts for one effect, best first; more than one where the search has several peaks."""
     view = survey(background.balance, background.axis)
     if term.periodic:
@@ -165,10 +169,14 @@ def _judge_linear(
     gain, amplitudes = background.gain(columns[:, keep] / norms[keep])
     full = np.zeros(len(items))
     full[keep] = amplitudes / norms[keep]
-    return Start(_with_amplitudes(term, values, signal_name, full), gain, int(keep.sum()) + len(values), looks)
+    return Start(
+        _with_amplitudes(term, values, signal_name, full), gain, int(keep.sum()) + len(values), looks
+    )
 
 
-def _with_amplitudes(term: Term, values: Mapping[str, float], signal_name: str | None, amplitudes: np.ndarray) -> Instance:
+def _with_amplitudes(
+    term: Term, values: Mapping[str, float], signal_name: str | None, amplitudes: np.ndarray
+) -> Instance:
     """The instance whose linear numbers are the probes' multiples."""
     chosen, numbers = dict(values), iter(amplitudes)
     for p, phase in pairs(term.parameters):
@@ -191,7 +199,9 @@ def _judge_directly(
     return Start(item, background.squares - float(changed @ changed), len(values), looks)
 
 
-def _local_scans(background: Background, scans: Sequence[Mapping[str, float]], term: Term) -> list[Mapping[str, float]]:
+def _local_scans(
+    background: Background, scans: Sequence[Mapping[str, float]], term: Term
+) -> list[Mapping[str, float]]:
     """The best centres for each width, by a matched filter over binned positions."""
     balance = background.balance
     carrier = _carrier(background, term, {"centre": 0.0, "width": 1e12})
@@ -210,18 +220,23 @@ def _local_scans(background: Background, scans: Sequence[Mapping[str, float]], t
         norms = norms * float(balance.whitening_gain(np.array(speed / (2.0 * math.pi * width))))
         score = np.where(norms > 1e-3 * norms.max(), sums**2 / np.maximum(norms, 1e-300), 0.0)
         for best in np.argsort(score)[::-1][:2]:
-            found.append((float(score[best]), {"centre": float(position.min() + step * (best + 0.5)), "width": width}))
+            found.append(
+                (float(score[best]), {"centre": float(position.min() + step * (best + 0.5)), "width": width})
+            )
     return [values for _, values in sorted(found, key=lambda pair: -pair[0])[:6]]
 
 
-def _periodic_starts(background: Background, term: Term, view: Survey, pool: ThreadPoolExecutor) -> list[Start]:
+def _periodic_starts(
+    background: Background, term: Term, view: Survey, pool: ThreadPoolExecutor
+) -> list[Start]:
     grid, score, looks = spectrum(background, term, view)
     if not len(grid):
         return []
     name = term.parameters[0].name
+    excess = _excess(score)
     tries: list[int] = []
     spacing = 3
-    for index in np.argsort(score)[::-1]:
+    for index in np.argsort(score / excess)[::-1]:
         if all(abs(int(index) - other) > spacing for other in tries):
             tries.append(int(index))
         if len(tries) == PEAKS:
@@ -236,15 +251,28 @@ def _periodic_starts(background: Background, term: Term, view: Survey, pool: Thr
                 continue
             start = _judge_linear(background, term, {name: fundamental}, None, looks)
             if start is not None:
-                found.append(_pruned(background, start, looks))
-    return sorted(found, key=lambda start: -(start.gain - 12.0 * start.count))[:2]
+                found.append(replace(_pruned(background, start, looks), excess=float(excess[index])))
+    return sorted(found, key=lambda start: 12.0 * start.count - start.gain / start.excess)[:2]
+
+
+def _excess(score: np.ndarray) -> np.ndarray:
+    """Running median of a spectrum of gains over what its chi-squared of two would have, at least one.
+
+    A noise spectrum that is too smooth for a narrow resonance or line of noise shows here.
+    """
+    width = min(max(len(score) // 200, 101), 2001)
+    return np.maximum(ndimage.median_filter(score, width, mode="nearest") / (2.0 * math.log(2.0)), 1.0)
 
 
 def _pruned(background: Background, start: Start, looks: float) -> Start:
     """Without harmonics that do not earn their two numbers."""
     values = dict(start.instance.values)
     term = start.instance.term
-    names = [(p.name, phase.name) for p, phase in pairs(term.parameters) if p.role is Role.LINEAR and phase is not None]
+    names = [
+        (p.name, phase.name)
+        for p, phase in pairs(term.parameters)
+        if p.role is Role.LINEAR and phase is not None
+    ]
     if len(names) == 1:
         return start
     balance = background.balance
@@ -302,7 +330,11 @@ def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarr
     sums = np.abs(np.fft.rfft(binned, length)[: length // 2]) ** 2
     chosen = (grid >= lowest) & (grid <= highest)
     grid, sums = grid[chosen], sums[chosen]
-    return grid, 2.0 * sums / _local_norm(balance, carrier, speed, grid), max((highest - lowest) * span / math.pi, 1.0)
+    return (
+        grid,
+        2.0 * sums / _local_norm(balance, carrier, speed, grid),
+        max((highest - lowest) * span / math.pi, 1.0),
+    )
 
 
 def _order_range(term: Term, span: float, view: Survey, cycle: float) -> tuple[float, float]:
@@ -328,7 +360,9 @@ def _local_norm(balance: Balance, carrier: np.ndarray, speed: np.ndarray, grid: 
     """Whitened squared norm of the wave at each order, from the whitening's gain at the frequencies of its passing."""
     mask = balance.train
     edges = np.geomspace(max(float(speed.max()) * 1e-5, 1e-300), float(speed.max()) * 1.0001, 80)
-    power = np.bincount(np.digitize(speed[mask], edges), carrier[mask] ** 2 * balance.local_weight[mask], minlength=81)
+    power = np.bincount(
+        np.digitize(speed[mask], edges), carrier[mask] ** 2 * balance.local_weight[mask], minlength=81
+    )
     centres = np.concatenate([[0.0], np.sqrt(edges[1:] * edges[:-1]), [edges[-1]]])
     norm = np.zeros(len(grid))
     for share, centre in zip(power, centres, strict=True):
@@ -337,9 +371,11 @@ def _local_norm(balance: Balance, carrier: np.ndarray, speed: np.ndarray, grid: 
     return np.maximum(norm, 1e-3 * norm.max())
 
 
-def _time_spectrum(background: Background, y: np.ndarray, view: Survey) -> tuple[np.ndarray, np.ndarray, float]:
+def _time_spectrum(
+    background: Background, y: np.ndarray, view: Survey
+) -> tuple[np.ndarray, np.ndarray, float]:
     balance = background.balance
-    t = np.concatenate([s.t for s in balance.data.stretches])
+    t = balance.data.joined("t")
     dt = balance.data.dt
     count = int(round((t.max() - t.min()) / dt)) + 1
     index = np.minimum(np.round((t - t.min()) / dt).astype(np.int64), count - 1)
@@ -353,7 +389,9 @@ def _time_spectrum(background: Background, y: np.ndarray, view: Survey) -> tuple
     return grid[chosen], 2.0 * sums / np.maximum(norm, 1e-300), 2.0 * view.duration * view.cutoff
 
 
-def all_starts(background: Background, pool: ThreadPoolExecutor, only: Iterable[str] | None = None) -> list[Start]:
+def all_starts(
+    background: Background, pool: ThreadPoolExecutor, only: Iterable[str] | None = None
+) -> list[Start]:
     """Starts of every effect that could be missing, best promise first."""
     wanted = None if only is None else set(only)
     found = [
@@ -362,4 +400,3 @@ def all_starts(background: Background, pool: ThreadPoolExecutor, only: Iterable[
         if wanted is None or term.id in wanted
     ]
     return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.gain)
-

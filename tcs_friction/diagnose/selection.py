@@ -11,18 +11,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy import ndimage
 
 from tcs_friction.diagnose.balance import Balance, Fit, Free, free_parameters
 from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Place
+from tcs_friction.physics.terms import Place, Term
 
 FALSE_ALARM = 1e-3  # chance over the whole vocabulary
 MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
+SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
 MOST = 6  # effects
 PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
@@ -79,21 +81,47 @@ def _judged(balance: Balance, fit: Fit) -> Fit:
     return Fit(fit.axis, fit.free, fit.covariance, float(white @ white), fit.converged)
 
 
-def threshold(balance: Balance, start_place: Place, states: bool, count: int, looks: float) -> float:
-    """Gain that chance, and for some places smoothing, may give."""
-    statistical = count * math.log(balance.effective_count) + 2.0 * math.log(looks * len(effects()) / FALSE_ALARM)
-    follows_motion = start_place in (Place.SCALE, Place.DRIVE, Place.BODY) or states
-    return statistical + (MATERIAL * balance.effective_count if follows_motion else 0.0)
+def follows_motion(term: Term) -> bool:
+    """Whether an effect is shaped by the motion's own nonlinearity, as the errors of smoothing and sampling are."""
+    return term.place in (Place.SCALE, Place.DRIVE, Place.BODY) or term.states != 0
+
+
+def chance(balance: Balance, count: int, looks: float) -> float:
+    """Gain that chance may give `count` free numbers, the best of `looks` alternatives."""
+    return count * math.log(balance.effective_count) + 2.0 * math.log(looks * len(effects()) / FALSE_ALARM)
+
+
+def threshold(balance: Balance, term: Term, count: int, looks: float) -> float:
+    """Gain that chance, and for some effects smoothing, may give."""
+    material = MATERIAL * balance.effective_count if follows_motion(term) else 0.0
+    return chance(balance, count, looks) + material
+
+
+def slow_part(balance: Balance, white: np.ndarray) -> np.ndarray:
+    """Running mean of whitened rows over SLOW_PERIODS of the cutoff."""
+    window = max(2, round(SLOW_PERIODS / (balance.data.cutoff * balance.data.dt)))
+    return np.asarray(ndimage.uniform_filter1d(white, window))
 
 
 def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float) -> Candidate:
-    """The candidate after a joint fit from its start."""
+    """The candidate after a joint fit from its start.
+
+    Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
+    follow the motion gain by it at high frequency. What they gain must show in the slow part as well.
+    """
     free = free_parameters(axis.with_effect(start.instance), 1.0)
     fit = balance.fit(axis.with_effect(start.instance), free, prior(free), iterations=6, tolerance=0.5)
     term = start.instance.term
     name = term.id + (f":{start.instance.signal}" if start.instance.signal else "")
-    limit = threshold(balance, term.place, term.states != 0, start.count, start.looks)
-    return Candidate(name, (base.squares - fit.squares) / spread, limit, fit)
+    limit = threshold(balance, term, start.count, start.looks)
+    gain = (base.squares - fit.squares) / spread / start.excess
+    if follows_motion(term) and term.coordinate != "frequency":
+        before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
+        after = slow_part(balance, balance.whiten(balance.residual(fit.axis)))
+        slow = float(before @ before - after @ after) / spread
+        if slow < chance(balance, start.count, start.looks):
+            gain = min(gain, slow)
+    return Candidate(name, gain, limit, fit)
 
 
 def one_round(balance: Balance, fit: Fit, pool: ThreadPoolExecutor) -> list[Candidate]:
@@ -106,8 +134,12 @@ def one_round(balance: Balance, fit: Fit, pool: ThreadPoolExecutor) -> list[Cand
     for start in all_starts(background, pool):
         key = f"{start.instance.term.id}:{start.instance.signal}"
         term = start.instance.term
-        limit = threshold(balance, term.place, term.states != 0, start.count, start.looks)
-        if start.gain / spread < 0.5 * limit or seen.get(key, 0) >= 1 or len(promising) >= TRIED:
+        limit = threshold(balance, term, start.count, start.looks)
+        if (
+            start.gain / spread / start.excess < 0.5 * limit
+            or seen.get(key, 0) >= 1
+            or len(promising) >= TRIED
+        ):
             continue
         seen[key] = seen.get(key, 0) + 1
         promising.append(start)
@@ -119,8 +151,6 @@ def without(balance: Balance, fit: Fit, index: int) -> Fit:
     """The joint fit without one effect."""
     axis = fit.axis
     kept = tuple(item for i, item in enumerate(axis.effects) if i != index)
-    from dataclasses import replace
-
     fewer = replace(axis, effects=kept)
     free = free_parameters(fewer, 1.0)
     return balance.fit(fewer, free, prior(free), iterations=5, tolerance=0.5)
@@ -135,7 +165,9 @@ def select(balance: Balance, axis: Axis, progress: Progress | None = None) -> Se
     with ThreadPoolExecutor(2) as pool:
         for round_number in range(MOST):
             if progress is not None:
-                progress(0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects")
+                progress(
+                    0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
+                )
             candidates = one_round(balance, fit, pool)
             selection.rounds.append(candidates)
             if not candidates or candidates[0].score <= 0.0:
@@ -154,7 +186,7 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
         for index in range(believed, len(fit.axis.effects)):
             term = fit.axis.effects[index].term
             count = sum(f.owner == index for f in fit.free)
-            limit = threshold(balance, term.place, term.states != 0, count, 1.0)
+            limit = threshold(balance, term, count, 1.0)
             losses.append(((without(balance, fit, index).squares - fit.squares) / spread - limit, index))
         weakest, index = min(losses)
         if weakest > 0.0:

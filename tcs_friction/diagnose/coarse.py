@@ -1,0 +1,136 @@
+"""The residual's slow part: means over short chunks of train data, whitened, and regressions on them.
+
+What depends on motion, place or time is slow against the sampling: 20 means a second keep it, and a regression with hundreds
+of columns costs little. The chunk means' noise is whitened by an autoregressive filter made from the robust noise
+spectrum, so that squares compare with chi-squared and a filter costs only its few chunks at every gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg, stats
+
+from tcs_friction.diagnose.balance import Balance
+
+RATE = 20.0  # chunks per second at most
+MOST_CHUNKS = 40_000
+ORDER = 10  # of the whitening filter, chunks
+
+
+class Coarse:
+    """Chunk means over the train rows of a balance.
+
+    Attributes: `rows` (m,) index of the chunks that are compared; `run` and `t` (chunks,): train run and mean time of every
+    chunk; `weight` (m,) 1/standard deviation of the whitened noise.
+    """
+
+    def __init__(self, balance: Balance, residual: np.ndarray) -> None:
+        self.balance = balance
+        dt = balance.data.dt
+        self.width = max(1, round(1.0 / (RATE * dt)), -(-int(balance.train.sum()) // MOST_CHUNKS))
+        self.period = self.width * dt
+        begins, runs = [], []
+        for number, (begin, end) in enumerate(_runs(balance)):
+            starts = np.arange(begin, end - self.width + 1, self.width)
+            begins.append(starts)
+            runs.append(np.full(len(starts), number))
+        self.begins = np.concatenate([np.zeros(0, np.int64), *begins])
+        self.run = np.concatenate([np.zeros(0, np.int64), *runs])
+        self.samples = (self.begins[:, None] + np.arange(self.width)).ravel()
+        self.count = len(self.begins)
+        order = min(ORDER, max(1, self.count // 40))
+        self.filter = _autoregression(*balance.noise_spectrum(residual), dt, self.width, order)
+        first = np.searchsorted(self.run, self.run, side="left")
+        self.rows = np.flatnonzero(np.arange(self.count) - first >= order)
+        self.weight = np.sqrt(self.mean(balance.local_weight)[self.rows])
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        """Mean time of each chunk, s."""
+        return self.mean(self.balance.data.joined("t"))
+
+    def mean(self, x: np.ndarray) -> np.ndarray:
+        """Means of x (n,) or (n, k) over the chunks."""
+        return np.asarray(x[self.samples].reshape(self.count, self.width, *x.shape[1:]).mean(axis=1))
+
+    def scatter(self, index: np.ndarray, value: np.ndarray, size: int) -> np.ndarray:
+        """Chunk means (chunks, size) of sparse columns: sample i has value[i, j] in column index[i, j]; chunk samples only."""
+        chunk = np.repeat(np.arange(self.count), self.width)[:, None]
+        sums = np.bincount((chunk * size + index).ravel(), value.ravel(), minlength=self.count * size)
+        return sums.reshape(self.count, size) / self.width
+
+    def whiten(self, x: np.ndarray) -> np.ndarray:
+        """Whitened rows (m,) or (m, k) of chunk means (chunks,) or (chunks, k)."""
+        y = sum(a * x[self.rows - lag] for lag, a in enumerate(self.filter))
+        return np.asarray(y * (self.weight if x.ndim == 1 else self.weight[:, None]))
+
+    def unwhiten(self, white: np.ndarray) -> np.ndarray:
+        """The adjoint of chunk means and `whiten`: for every chunk sample (chunks * width,)."""
+        full = np.zeros(self.count)
+        for lag, a in enumerate(self.filter):
+            full[self.rows - lag] += a * white * self.weight
+        return np.repeat(full, self.width) / self.width
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Least squares of whitened rows on k columns: statistic and p-value (log), coefficients (k,) and their covariance."""
+
+    statistic: float
+    log_p: float
+    coefficients: np.ndarray
+    covariance: np.ndarray
+
+
+def regress(columns: np.ndarray, white: np.ndarray) -> Regression:
+    """F test of whitened columns (m, k) on a whitened residual (m,); a direction without data does not count."""
+    scale = np.linalg.norm(columns, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh((columns / scale).T @ (columns / scale))
+    keep = values > 1e-8 * max(float(values[-1]), 1e-300)
+    vectors = vectors[:, keep] / np.sqrt(values[keep])
+    scores = vectors.T @ ((columns / scale).T @ white)
+    gain, k = float(scores @ scores), int(keep.sum())
+    rest = max(len(white) - k, 1)
+    variance = max(float(white @ white) - gain, 1e-300) / rest
+    statistic = gain / max(k, 1) / variance
+    root = vectors / scale[:, None]
+    return Regression(
+        statistic,
+        float(stats.f.logsf(statistic, max(k, 1), rest)),
+        root @ scores,
+        variance * (root @ root.T),
+    )
+
+
+def _runs(balance: Balance) -> list[tuple[int, int]]:
+    """First and past-last sample of every stretch of train data."""
+    runs = []
+    for begin, end in zip(balance.ends[:-1], balance.ends[1:], strict=True):
+        edges = np.flatnonzero(
+            np.diff(np.concatenate([[0], balance.train[begin:end].astype(np.int8), [0]]))
+        )
+        runs += [(int(begin + a), int(begin + b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return runs
+
+
+def _autoregression(
+    frequency: np.ndarray, power: np.ndarray, dt: float, width: int, order: int
+) -> np.ndarray:
+    """Whitening filter (order + 1,) of chunk means of `width` samples whose noise has this one-sided power density."""
+    grid = np.linspace(0.0, 0.5 / (dt * width), 257)
+    folded = np.zeros(len(grid))
+    for alias in range(-(width // 2), width // 2 + 1):
+        f = np.abs(grid + alias / (dt * width))
+        f = np.where(f > 0.5 / dt, 1.0 / dt - f, f)
+        below = np.sin(np.pi * f * dt) * width
+        mean = np.where(below < 1e-9, 1.0, np.sin(np.pi * f * dt * width) / np.where(below < 1e-9, 1.0, below))
+        folded += 0.5 * np.interp(f, frequency, power) * mean**2
+    correlation = np.fft.irfft(folded / (dt * width))[: order + 1]
+    correlation[0] *= 1.0 + 1e-6
+    prediction = linalg.solve_toeplitz(correlation[:order], correlation[1:])
+    variance = float(correlation[0] - prediction @ correlation[1:])
+    return np.concatenate([[1.0], -prediction]) / np.sqrt(max(variance, 1e-300))

@@ -1,0 +1,318 @@
+"""Whether a chosen model leaves significant structure in the residual: smooth maps over one or two coordinates, and time.
+
+Every map is a penalised regression on whitened chunk means with the model's own parameters projected out. Its smoother's
+quadratic form has a known distribution (weighted chi-squared) whatever the penalty, so penalties and maps are compared by
+p-value with Bonferroni's correction. Significance alone finds what discretisation leaves behind; a map has to predict, too:
+its gain on pieces of time that it was not fitted to has to be a share of the noise floor, and not from one piece alone.
+What no map predicts but rises above the noise towards low frequencies is structure in time: a torque of unknown cause.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, stats
+
+from tcs_friction.diagnose.balance import Balance, Fit, get, put
+from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
+from tcs_friction.diagnose.coarse import Coarse
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Table
+
+FALSE_ALARM = 1e-3  # over all maps
+MATERIAL = 0.25  # of the noise floor: rms of the torque that a map predicts where it was not fitted
+MATERIAL_IN_TIME = 0.5  # of the noise floor: rms in excess of a spectrum that is flat towards low frequencies
+PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # relative to the mean number of observations of a coefficient
+FOLDS = 5
+PIECES = 20  # of the recording that maps without time must predict from the others
+PIECE_SECONDS = 3.0  # that maps over time must predict from their surroundings
+KNEE = 0.3  # of the highest slow frequency: noise is taken to be flat below
+LEEWAY = 1.2  # by which noise power below the knee may exceed that
+PEAKS = 2  # of a spectrum that are tried
+SIMPLER = 0.9  # of the best map's explained power is enough for a simpler one
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What remains in a residual.
+
+    coordinates: of the map, or ("time",). p_value: corrected for all maps. torque_rms: N m, of what the map predicts on
+    unseen data (in time: of the excess). share: of the residual's power below the chunks' rate. period: in position, rad, if
+    it repeats. table: opposing torque for `learned_map`; None where nothing predicts.
+    """
+
+    coordinates: tuple[str, ...]
+    p_value: float
+    torque_rms: float
+    share: float
+    period: float | None
+    table: Table | None
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A map after its regression: log p (uncorrected), power (N^2 m^2) predicted on unseen pieces, coefficients."""
+
+    product: Product
+    log_p: float
+    looks: float
+    power: float
+    coefficients: np.ndarray
+
+
+class _Ground:
+    """Coarse residual of an axis with its own parameters projected out, raw (chunks,) and whitened (m,)."""
+
+    def __init__(self, balance: Balance, fit: Fit) -> None:
+        residual = balance.residual(fit.axis)
+        self.balance = balance
+        self.residual = residual
+        self.coarse = Coarse(balance, residual)
+        self.base = _base(balance, fit, residual, self.coarse)
+        self.white_base = self.coarse.whiten(self.base)
+        norms = np.linalg.norm(self.white_base, axis=0)
+        keep = norms > 0.0
+        self.base, self.white_base = self.base[:, keep] / norms[keep], self.white_base[:, keep] / norms[keep]
+        self.inverse = np.linalg.pinv(self.white_base, rcond=1e-9)
+        raw = self.coarse.mean(residual)
+        self.raw, self.white = self.project(raw)
+        self.floor = balance.noise_floor(residual)
+
+    def project(self, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Raw and whitened rows of chunk means (chunks,) or (chunks, k) without what the base explains."""
+        white = self.coarse.whiten(raw)
+        amounts = self.inverse @ white
+        rows = self.coarse.rows
+        return raw[rows] - self.base[rows] @ amounts, white - self.white_base @ amounts
+
+    def values(self, coordinate: str) -> np.ndarray:
+        """A coordinate at the samples of the chunks."""
+        return coordinate_values(self.balance, coordinate)[self.coarse.samples]
+
+
+def coordinate_values(balance: Balance, coordinate: str) -> np.ndarray:
+    """A coordinate of the motion vector (n,): time, position, ..., temperature, `exogenous:NAME`."""
+    data = balance.data
+    if coordinate == "temperature":
+        return np.asarray(data.joined("signals")[0])
+    if coordinate.startswith("exogenous:"):
+        name = coordinate.removeprefix("exogenous:")
+        return np.asarray(data.joined("signals")[1 + data.names.index(name)])
+    return data.joined("t" if coordinate == "time" else coordinate)
+
+
+def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:
+    """The structure that a fit leaves, or None. Uses train rows only; needs the balance's noise estimate to be that of the fit."""
+    ground = _Ground(balance, fit)
+    if len(ground.white) < 100:
+        return None
+    judged = [_judge(ground, product, looks) for product, looks in _products(ground, fit.axis)]
+    tests = len(judged) * len(PENALTIES)
+    least = (MATERIAL * ground.floor) ** 2
+    found = [
+        j for j in judged if j.log_p + math.log(tests * j.looks) < math.log(FALSE_ALARM) and j.power > least
+    ]
+    if not found:
+        return _in_time(ground)
+    best = max(j.power for j in found)
+    chosen = min((j for j in found if j.power >= SIMPLER * best), key=lambda j: j.product.count)
+    period = 2.0 * math.pi / chosen.product.first.order if isinstance(chosen.product.first, Wave) else None
+    return Structure(
+        chosen.product.coordinates,
+        math.exp(min(0.0, chosen.log_p + math.log(tests * chosen.looks))),
+        math.sqrt(chosen.power),
+        min(1.0, chosen.power / float(np.mean(ground.raw**2))),
+        period,
+        _table(chosen),
+    )
+
+
+def _base(balance: Balance, fit: Fit, residual: np.ndarray, coarse: Coarse) -> np.ndarray:
+    """Chunk means (chunks, k) of the residual's derivatives by the free numbers."""
+    numbers = get(fit.axis, fit.free)
+    columns = []
+    for k, f in enumerate(fit.free):
+        moved = numbers.copy()
+        moved[k] += f.scale
+        changed = balance.residual(put(fit.axis, fit.free, moved))
+        columns.append(coarse.mean(changed - residual) / f.scale)
+    return np.stack(columns, axis=1) if columns else np.zeros((coarse.count, 0))
+
+
+def _hats(ground: _Ground, coordinate: str, count: int) -> Hats | None:
+    """Hats over what the coordinate does, its rare extremes left out; None if it does not vary."""
+    values = ground.values(coordinate)
+    lower, upper = (float(x) for x in np.percentile(values, (0.2, 99.8)))
+    if not upper - lower > 1e-9 * max(abs(lower), abs(upper), 1e-300):
+        return None
+    return Hats(coordinate, lower, upper, count)
+
+
+def _products(ground: _Ground, axis: Axis) -> Iterator[tuple[Product, float]]:
+    """Every map that is looked at, with the number of alternatives that a search looked at to find it."""
+    data = ground.balance.data
+    others = [*(["temperature"] if data.temperature else []), *(f"exogenous:{name}" for name in data.names)]
+    singles: list[tuple[str, int]] = [("position", 40), ("velocity", 31), ("time", 40)]
+    singles += [(name, 16) for name in others]
+    for name, count in singles:
+        hats = _hats(ground, name, count)
+        if hats is not None:
+            yield Product(hats, One()), 1.0
+    fast = float(np.percentile(np.abs(ground.values("velocity")), 99.8))
+    speeds: tuple[Basis, ...] = (Odd("velocity", fast), Even("velocity", fast))
+    for name, count in [("position", 40), ("time", 30), *((name, 12) for name in others)]:
+        hats = _hats(ground, name, count)
+        for speed in speeds if hats is not None else ():
+            assert hats is not None
+            yield Product(hats, speed), 1.0
+    pairs = [("position", 20, "velocity", 9), ("position", 16, "time", 12), ("velocity", 11, "time", 12)]
+    pairs += [("acceleration", 9, "velocity", 15), ("torque", 15, "velocity", 11)]
+    pairs += [(name, 9, "velocity", 11) for name in others]
+    for one, rows, two, columns in pairs:
+        first, second = _hats(ground, one, rows), _hats(ground, two, columns)
+        if first is not None and second is not None:
+            yield Product(first, second), 1.0
+    position = _hats(ground, "position", 2)
+    partners: list[Basis | None] = [One(), *speeds, _hats(ground, "velocity", 9), _hats(ground, "time", 40)]
+    for partner in partners:
+        if position is not None and partner is not None:
+            orders, looks = _orders(ground, position, partner)
+            for order in orders:
+                yield Product(Wave("position", position.lower, position.upper, order), partner), looks
+
+
+def _orders(ground: _Ground, position: Hats, partner: Basis) -> tuple[list[float], float]:
+    """Orders (rad per unit) at which waves in position, times the partner, promise most, and how many there are to choose from."""
+    q = ground.values("position")
+    other = np.zeros(len(q)) if not partner.coordinate else ground.values(partner.coordinate)
+    index, value = partner.evaluate(other)
+    speed = float(np.median(np.abs(ground.values("velocity"))))
+    span = position.upper - position.lower
+    highest = min(0.5 * math.pi / ground.coarse.period / max(speed, 1e-300), 2.0 * math.pi * 4000.0 / span)
+    lowest = 2.0 * math.pi / span
+    if highest <= 2.0 * lowest:
+        return [], 1.0
+    step = 0.5 * math.pi / highest
+    count = int((q.max() - q.min()) / step) + 1
+    cell = np.minimum(((q - q.min()) / step).astype(np.int64), count - 1)
+    y = ground.coarse.unwhiten(ground.white)
+    sums = np.zeros(partner.count * count)
+    norms = np.zeros(partner.count)
+    for k in range(index.shape[1]):
+        sums += np.bincount(index[:, k] * count + cell, value[:, k] * y, minlength=len(sums))
+        norms += np.bincount(index[:, k], value[:, k] ** 2, minlength=partner.count)
+    length = 1 << (4 * count - 1).bit_length()
+    power = np.abs(np.fft.rfft(sums.reshape(partner.count, count), length, axis=1)) ** 2
+    score = np.sum(power / np.maximum(norms, 1e-3 * norms.max())[:, None], axis=0)
+    grid = 2.0 * math.pi * np.arange(len(score)) / (length * step)
+    inside = (grid >= lowest) & (grid <= highest)
+    grid, score = grid[inside], score[inside].copy()
+    orders = []
+    for _ in range(PEAKS):
+        peak = int(np.argmax(score))
+        orders.append(float(grid[peak]))
+        score[np.abs(grid - grid[peak]) < 2.0 * lowest] = 0.0
+    return orders, highest / lowest
+
+
+def _columns(ground: _Ground, product: Product) -> tuple[np.ndarray, np.ndarray]:
+    x = ground.values(product.first.coordinate)
+    second = product.second.coordinate
+    index, value = product.evaluate(x, ground.values(second) if second else np.zeros(len(x)))
+    return ground.project(ground.coarse.scatter(index, value, product.count))
+
+
+def _judge(ground: _Ground, product: Product, looks: float) -> _Judged:
+    """Regression with every penalty: the best p-value, and the penalty that predicts best."""
+    raw, white = _columns(ground, product)
+    normal, scores = white.T @ white, white.T @ ground.white
+    scale = float(np.trace(normal)) / product.count
+    roughness = product.roughness() * max(scale, 1e-300)
+    weights, vectors = linalg.eigh(normal, roughness)
+    weights = np.maximum(weights, 0.0)
+    seen = weights > 1e-9 * max(float(weights[-1]), 1e-300)
+    squares = np.where(seen, (vectors.T @ scores) ** 2 / np.where(seen, weights, 1.0), 0.0)
+    rest = max(len(ground.white) - int(seen.sum()), 1)
+    variance = max(1.0, (float(ground.white @ ground.white) - float(squares.sum())) / rest)
+    log_p = min(_log_p(weights / (weights + penalty), squares / variance) for penalty in PENALTIES)
+    power, penalty = max((_predicted(ground, product, raw, white, roughness * p), p) for p in PENALTIES)
+    coefficients = np.linalg.solve(normal + penalty * roughness, scores)
+    return _Judged(product, log_p, looks, power, coefficients)
+
+
+def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
+    """Log survival of sum(share * squares), squares chi-squared of one each, by a scaled chi-squared of the same two moments."""
+    mean, half_variance = float(share.sum()), float((share**2).sum())
+    if mean <= 0.0:
+        return 0.0
+    scale = half_variance / mean
+    return float(stats.chi2.logsf(float(share @ squares) / scale, mean / scale))
+
+
+def _pieces(ground: _Ground, product: Product) -> np.ndarray:
+    """Piece of time (m,) of every row."""
+    coarse = ground.coarse
+    count = len(coarse.rows)
+    if "time" in product.coordinates:
+        return np.arange(count) // max(1, round(PIECE_SECONDS / coarse.period))
+    return np.arange(count) * PIECES // count
+
+
+def _predicted(
+    ground: _Ground, product: Product, raw: np.ndarray, white: np.ndarray, penalty: np.ndarray
+) -> float:
+    """Power of the residual (N^2 m^2) that a map takes away on pieces that it was not fitted to.
+
+    Zero when one piece gives nearly all of it: what happens once is no map.
+    """
+    pieces = _pieces(ground, product)
+    gains = np.zeros(len(ground.raw))
+    normal, scores = white.T @ white + penalty, white.T @ ground.white
+    for fold in range(FOLDS):
+        left = pieces % FOLDS == fold
+        some = white[left]
+        coefficients = np.linalg.solve(normal - some.T @ some, scores - some.T @ ground.white[left])
+        gains[left] = ground.raw[left] ** 2 - (ground.raw[left] - raw[left] @ coefficients) ** 2
+    of_piece = np.bincount(pieces, gains)
+    total = float(of_piece.sum())
+    if total - float(of_piece.max()) < 0.1 * total:
+        return 0.0
+    return max(0.0, total / len(gains))
+
+
+def _table(judged: _Judged) -> Table:
+    """The map as a table; values to five digits."""
+    used = [b for b in (judged.product.first, judged.product.second) if b.coordinate]
+    values = judged.product.grid(judged.coefficients)
+    digits = 5 - math.ceil(math.log10(max(float(np.abs(values).max()), 1e-300)))
+    return Table(
+        judged.product.coordinates,
+        tuple(b.lower for b in used),
+        tuple(b.upper for b in used),
+        np.round(values, digits),
+    )
+
+
+def _in_time(ground: _Ground) -> Structure | None:
+    """Structure in time: slow power in excess of a noise that does not rise towards low frequencies.
+
+    A drive's torque noise is flat below its corner, so the level in the upper part of the slow band bounds the noise below it.
+    """
+    balance, coarse = ground.balance, ground.coarse
+    frequency, power = balance.noise_spectrum(ground.residual)
+    highest = min(0.5 / coarse.period, balance.data.cutoff)
+    level = float(np.median(power[(frequency >= KNEE * highest) & (frequency <= 2.0 * KNEE * highest)]))
+    flat = np.where(frequency < KNEE * highest, np.minimum(power, level), power)
+    passed = np.sinc(frequency * coarse.period) ** 2
+    expected = LEEWAY * float(np.trapezoid(flat * passed, frequency))
+    actual = float(np.mean(ground.raw**2))
+    floor = math.sqrt(float(np.trapezoid(flat, frequency)))
+    excess = math.sqrt(max(0.0, actual - expected))
+    count = 2.0 * KNEE * highest * coarse.period * len(ground.raw)  # independent numbers below the knee
+    p_value = float(stats.chi2.sf(count * actual / expected, count))
+    if excess < MATERIAL_IN_TIME * floor or p_value > FALSE_ALARM:
+        return None
+    return Structure(("time",), p_value, excess, excess**2 / actual, None, None)
