@@ -12,6 +12,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from tcs_friction.errors import TcsError
@@ -44,8 +45,15 @@ def spin(executor: Any, done: Future | None = None) -> None:
 
 
 def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> int:
-    """Make nodes, run them on one executor until a signal, and return the exit status."""
-    rclpy.init(args=list(sys.argv if args is None else args))
+    """Make nodes, run them on one executor until SIGINT or SIGTERM, and return the exit status.
+
+    ROS' own signal handlers would invalidate everything while a callback may be publishing; here the spin ends between two
+    callbacks. An idle executor looks at signals at the next timer, and every node has one.
+    """
+    rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
+    stop = Future()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.done() or stop.set_result(None))
     nodes: list[Node] = []
     try:
         executor = make_executor()
@@ -54,15 +62,11 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
             executor.add_node(nodes[-1])
         gc.collect()
         gc.freeze()  # a collection of everything imported would take several control periods
-        spin(executor)
-    except KeyboardInterrupt:
-        return 130
+        spin(executor, stop)
     except TcsError as error:
         print(f"tcs-friction: {error}", file=sys.stderr)
         return error.exit_status
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)  # a second one must not tear the first one's clean end
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()

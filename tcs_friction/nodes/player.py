@@ -8,13 +8,14 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
@@ -109,8 +110,9 @@ class Pace:
 class PlayerNode(Node):
     """One thread publishes at the bag's pace; the executor serves pause and resume. The settings hold from the start on."""
 
-    def __init__(self) -> None:
+    def __init__(self, at_end: Callable[[], object] = rclpy.try_shutdown) -> None:
         super().__init__("player", enable_rosout=False)
+        self._at_end = at_end
         self._config = parameters.declare(self, PlayerConfig())
         if not self._config.bag:
             raise InputError("player: parameter bag", "is empty", "the bag to play")
@@ -166,8 +168,10 @@ class PlayerNode(Node):
             self.get_logger().error(str(error))
         finally:
             if not self.pace.stopped:
+                for outlet in filter(None, self._outlets.values()):
+                    outlet.wait_for_all_acked(Duration(seconds=1.0))
                 self.get_logger().info(f"played {self.count} messages")
-                rclpy.try_shutdown()
+                self._at_end()
 
     def _announce(self) -> None:
         """Make the publishers of the bag's first seconds, then leave subscribers time to find them."""

@@ -24,6 +24,7 @@ from tcs_friction.nodes.bag_topics import (
 )
 from tcs_friction.nodes.executor import run
 from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.encode import known_definition
 from tcs_friction.recording.record import BagRecorder, definition_text
 
 SECOND = 1_000_000_000
@@ -85,7 +86,7 @@ class RecorderNode(Node):
             self.get_logger().warning(f"{topic} is not recorded: package of {msgtype} not installed")
             return
         profiles = [endpoint.qos_profile for endpoint in offered]
-        definition = definition_text(msgtype, installed_definition)
+        definition = definition_text(msgtype, installed_definition) or known_definition(msgtype)
         if not definition:
             self.get_logger().warning(f"{topic} is recorded without the definition of {msgtype}, which was not found")
         channel = Channel(topic, msgtype, "cdr", definition, "ros2msg", profiles_text(profiles))
