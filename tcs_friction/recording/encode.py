@@ -60,10 +60,16 @@ def typestore() -> Typestore:
 
 
 @functools.cache
+def known_definition(msgtype: str) -> str:
+    """The full definition of a type known here, "" of any other."""
+    if msgtype not in typestore().fielddefs:
+        return ""
+    return typestore().generate_msgdef(msgtype, ros_version=2)[0]
+
+
 def channel_of(topic: str, msgtype: str) -> Channel:
     """A channel with the full definition of a type known here."""
-    definition, _ = typestore().generate_msgdef(msgtype, ros_version=2)
-    return Channel(topic, msgtype, "cdr", definition)
+    return Channel(topic, msgtype, "cdr", known_definition(msgtype))
 
 
 def encoded(topic: str, msgtype: str, times: Nanoseconds, columns: Mapping[str, Column], qos: str = "") -> TopicData:

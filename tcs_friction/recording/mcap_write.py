@@ -68,6 +68,7 @@ class McapWriter:
         self._file = path.open("xb")
         self.size = 0
         self._put(MAGIC + _record(HEADER, _text("ros2") + _text("tcs_friction")))
+        self._file.flush()
 
     @property
     def pending_size(self) -> int:

@@ -175,7 +175,7 @@ GOOD = SIGNALS.position
     ("source", "said"),
     [
         (SignalSource("/joint_sates", "position", "azimuth"), "no topic /joint_sates, expected /joint_states"),
-        (SignalSource(TOPIC, "positon", "azimuth"), "no number positon in /joint_states (sensor_msgs/msg/JointState), expected position"),
+        (SignalSource(TOPIC, "positon", "azimuth"), "positon in /joint_states (sensor_msgs/msg/JointState), expected position"),
         (SignalSource(TOPIC, "position.x", "azimuth"), "no number position.x"),
         (SignalSource(TOPIC, "header.frame_id"), "header.frame_id is text, expected a number"),
         (SignalSource(TOPIC, "header.stamp"), "no number header.stamp"),
