@@ -131,15 +131,15 @@ def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:
 
 
 def _base(balance: Balance, fit: Fit, residual: np.ndarray, coarse: Coarse) -> np.ndarray:
-    """Chunk means (chunks, k) of the residual's derivatives by the free numbers."""
+    """Chunk means (chunks, k) of the residual's derivatives by the free numbers, and of a constant: `torque_bias` is no map."""
     numbers = get(fit.axis, fit.free)
-    columns = []
+    columns = [np.ones(coarse.count)]
     for k, f in enumerate(fit.free):
         moved = numbers.copy()
         moved[k] += f.scale
         changed = balance.residual(put(fit.axis, fit.free, moved))
         columns.append(coarse.mean(changed - residual) / f.scale)
-    return np.stack(columns, axis=1) if columns else np.zeros((coarse.count, 0))
+    return np.stack(columns, axis=1)
 
 
 def _hats(ground: _Ground, coordinate: str, count: int) -> Hats | None:
@@ -152,7 +152,10 @@ def _hats(ground: _Ground, coordinate: str, count: int) -> Hats | None:
 
 
 def _products(ground: _Ground, axis: Axis) -> Iterator[tuple[Product, float]]:
-    """Every map that is looked at, with the number of alternatives that a search looked at to find it."""
+    """Every map that is looked at, with the number of alternatives that a search looked at to find it.
+
+    The torque is no coordinate: its noise is the residual's own.
+    """
     data = ground.balance.data
     others = [*(["temperature"] if data.temperature else []), *(f"exogenous:{name}" for name in data.names)]
     singles: list[tuple[str, int]] = [("position", 40), ("velocity", 31), ("time", 40)]
@@ -162,14 +165,14 @@ def _products(ground: _Ground, axis: Axis) -> Iterator[tuple[Product, float]]:
         if hats is not None:
             yield Product(hats, One()), 1.0
     fast = float(np.percentile(np.abs(ground.values("velocity")), 99.8))
-    speeds: tuple[Basis, ...] = (Odd("velocity", fast), Even("velocity", fast))
+    speeds: tuple[Basis, ...] = (Odd("velocity", 1.5 * fast), Even("velocity", 1.5 * fast))
     for name, count in [("position", 40), ("time", 30), *((name, 12) for name in others)]:
         hats = _hats(ground, name, count)
         for speed in speeds if hats is not None else ():
             assert hats is not None
             yield Product(hats, speed), 1.0
     pairs = [("position", 20, "velocity", 9), ("position", 16, "time", 12), ("velocity", 11, "time", 12)]
-    pairs += [("acceleration", 9, "velocity", 15), ("torque", 15, "velocity", 11)]
+    pairs += [("acceleration", 9, "velocity", 15)]
     pairs += [(name, 9, "velocity", 11) for name in others]
     for one, rows, two, columns in pairs:
         first, second = _hats(ground, one, rows), _hats(ground, two, columns)
@@ -179,9 +182,10 @@ def _products(ground: _Ground, axis: Axis) -> Iterator[tuple[Product, float]]:
     partners: list[Basis | None] = [One(), *speeds, _hats(ground, "velocity", 9), _hats(ground, "time", 40)]
     for partner in partners:
         if position is not None and partner is not None:
+            span = position.upper - position.lower  # waves go on where the axis has not been
             orders, looks = _orders(ground, position, partner)
             for order in orders:
-                yield Product(Wave("position", position.lower, position.upper, order), partner), looks
+                yield Product(Wave("position", position.lower - span, position.upper + span, order), partner), looks
 
 
 def _orders(ground: _Ground, position: Hats, partner: Basis) -> tuple[list[float], float]:
