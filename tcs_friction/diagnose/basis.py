@@ -116,11 +116,12 @@ class Wave:
     upper: float
     order: float
     count: int = 2
-    nodes_per_period: int = 8
 
     @property
     def nodes(self) -> int:
-        return 1 + math.ceil((self.upper - self.lower) * self.order / (2.0 * math.pi) * self.nodes_per_period)
+        """As many as a straight line between them needs, fewer a period where there are many."""
+        periods = (self.upper - self.lower) * self.order / (2.0 * math.pi)
+        return 1 + math.ceil(periods * min(max(600.0 / max(periods, 1.0), 6.0), 24.0))
 
     def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         index = np.broadcast_to(np.arange(2), (len(x), 2))

@@ -7,6 +7,7 @@ spectrum, so that squares compare with chi-squared and a filter costs only its f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -110,9 +111,7 @@ def _runs(balance: Balance) -> list[tuple[int, int]]:
     """First and past-last sample of every stretch of train data."""
     runs = []
     for begin, end in zip(balance.ends[:-1], balance.ends[1:], strict=True):
-        edges = np.flatnonzero(
-            np.diff(np.concatenate([[0], balance.train[begin:end].astype(np.int8), [0]]))
-        )
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], balance.train[begin:end].astype(np.int8), [0]])))
         runs += [(int(begin + a), int(begin + b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     return runs
 
@@ -127,10 +126,12 @@ def _autoregression(
         f = np.abs(grid + alias / (dt * width))
         f = np.where(f > 0.5 / dt, 1.0 / dt - f, f)
         below = np.sin(np.pi * f * dt) * width
-        mean = np.where(below < 1e-9, 1.0, np.sin(np.pi * f * dt * width) / np.where(below < 1e-9, 1.0, below))
+        mean = np.where(
+            below < 1e-9, 1.0, np.sin(np.pi * f * dt * width) / np.where(below < 1e-9, 1.0, below)
+        )
         folded += 0.5 * np.interp(f, frequency, power) * mean**2
     correlation = np.fft.irfft(folded / (dt * width))[: order + 1]
     correlation[0] *= 1.0 + 1e-6
     prediction = linalg.solve_toeplitz(correlation[:order], correlation[1:])
     variance = float(correlation[0] - prediction @ correlation[1:])
-    return np.concatenate([[1.0], -prediction]) / np.sqrt(max(variance, 1e-300))
+    return np.asarray(np.concatenate([[1.0], -prediction]) / math.sqrt(max(variance, 1e-300)))

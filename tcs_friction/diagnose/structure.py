@@ -19,7 +19,6 @@ from scipy import linalg, stats
 from tcs_friction.diagnose.balance import Balance, Fit, get, put
 from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
 from tcs_friction.diagnose.coarse import Coarse
-from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Table
 
 FALSE_ALARM = 1e-3  # over all maps
@@ -28,6 +27,7 @@ MATERIAL_IN_TIME = 0.5  # of the noise floor: rms in excess of a spectrum that i
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # relative to the mean number of observations of a coefficient
 FOLDS = 5
 PIECES = 20  # of the recording that maps without time must predict from the others
+ONCE = 0.1  # of a map's gain at least must come from other pieces than the best
 PIECE_SECONDS = 3.0  # that maps over time must predict from their surroundings
 KNEE = 0.3  # of the highest slow frequency: noise is taken to be flat below
 LEEWAY = 1.2  # by which noise power below the knee may exceed that
@@ -54,11 +54,10 @@ class Structure:
 
 @dataclass(frozen=True)
 class _Judged:
-    """A map after its regression: log p (uncorrected), power (N^2 m^2) predicted on unseen pieces, coefficients."""
+    """A map after its regression: log p (for all looks), power (N^2 m^2) predicted on unseen pieces, coefficients."""
 
     product: Product
     log_p: float
-    looks: float
     power: float
     coefficients: np.ndarray
 
@@ -105,16 +104,13 @@ def coordinate_values(balance: Balance, coordinate: str) -> np.ndarray:
 
 
 def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:
-    """The structure that a fit leaves, or None. Uses train rows only; needs the balance's noise estimate to be that of the fit."""
+    """The structure that a fit leaves in the train rows, or None. The balance's noise estimate has to be that of the fit."""
     ground = _Ground(balance, fit)
     if len(ground.white) < 100:
         return None
-    judged = [_judge(ground, product, looks) for product, looks in _products(ground, fit.axis)]
-    tests = len(judged) * len(PENALTIES)
-    least = (MATERIAL * ground.floor) ** 2
-    found = [
-        j for j in judged if j.log_p + math.log(tests * j.looks) < math.log(FALSE_ALARM) and j.power > least
-    ]
+    products = list(_products(ground))
+    judged = [_judge(ground, product, looks, len(products)) for product, looks in products]
+    found = [j for j in judged if j.power > (MATERIAL * ground.floor) ** 2]
     if not found:
         return _in_time(ground)
     best = max(j.power for j in found)
@@ -122,7 +118,7 @@ def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:
     period = 2.0 * math.pi / chosen.product.first.order if isinstance(chosen.product.first, Wave) else None
     return Structure(
         chosen.product.coordinates,
-        math.exp(min(0.0, chosen.log_p + math.log(tests * chosen.looks))),
+        math.exp(min(0.0, chosen.log_p)),
         math.sqrt(chosen.power),
         min(1.0, chosen.power / float(np.mean(ground.raw**2))),
         period,
@@ -151,7 +147,7 @@ def _hats(ground: _Ground, coordinate: str, count: int) -> Hats | None:
     return Hats(coordinate, lower, upper, count)
 
 
-def _products(ground: _Ground, axis: Axis) -> Iterator[tuple[Product, float]]:
+def _products(ground: _Ground) -> Iterator[tuple[Product, float]]:
     """Every map that is looked at, with the number of alternatives that a search looked at to find it.
 
     The torque is no coordinate: its noise is the residual's own.
@@ -182,14 +178,15 @@ def _products(ground: _Ground, axis: Axis) -> Iterator[tuple[Product, float]]:
     partners: list[Basis | None] = [One(), *speeds, _hats(ground, "velocity", 9), _hats(ground, "time", 40)]
     for partner in partners:
         if position is not None and partner is not None:
-            span = position.upper - position.lower  # waves go on where the axis has not been
+            margin = 0.5 * (position.upper - position.lower)  # waves go on where the axis has not been
+            lower, upper = position.lower - margin, position.upper + margin
             orders, looks = _orders(ground, position, partner)
             for order in orders:
-                yield Product(Wave("position", position.lower - span, position.upper + span, order), partner), looks
+                yield Product(Wave("position", lower, upper, order), partner), looks
 
 
 def _orders(ground: _Ground, position: Hats, partner: Basis) -> tuple[list[float], float]:
-    """Orders (rad per unit) at which waves in position, times the partner, promise most, and how many there are to choose from."""
+    """Orders (rad per unit) at which waves in position times the partner promise most, and how many there are to choose from."""
     q = ground.values("position")
     other = np.zeros(len(q)) if not partner.coordinate else ground.values(partner.coordinate)
     index, value = partner.evaluate(other)
@@ -229,12 +226,11 @@ def _columns(ground: _Ground, product: Product) -> tuple[np.ndarray, np.ndarray]
     return ground.project(ground.coarse.scatter(index, value, product.count))
 
 
-def _judge(ground: _Ground, product: Product, looks: float) -> _Judged:
-    """Regression with every penalty: the best p-value, and the penalty that predicts best."""
+def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judged:
+    """Regression with every penalty: the best p-value and, where that is significant, the penalty that predicts best."""
     raw, white = _columns(ground, product)
     normal, scores = white.T @ white, white.T @ ground.white
-    scale = float(np.trace(normal)) / product.count
-    roughness = product.roughness() * max(scale, 1e-300)
+    roughness = product.roughness() * max(float(np.trace(normal)) / product.count, 1e-300)
     weights, vectors = linalg.eigh(normal, roughness)
     weights = np.maximum(weights, 0.0)
     seen = weights > 1e-9 * max(float(weights[-1]), 1e-300)
@@ -242,9 +238,13 @@ def _judge(ground: _Ground, product: Product, looks: float) -> _Judged:
     rest = max(len(ground.white) - int(seen.sum()), 1)
     variance = max(1.0, (float(ground.white @ ground.white) - float(squares.sum())) / rest)
     log_p = min(_log_p(weights / (weights + penalty), squares / variance) for penalty in PENALTIES)
-    power, penalty = max((_predicted(ground, product, raw, white, roughness * p), p) for p in PENALTIES)
+    log_p += math.log(tests * len(PENALTIES) * looks)
+    if log_p > math.log(FALSE_ALARM):
+        return _Judged(product, log_p, 0.0, np.zeros(product.count))
+    powers = _predicted(ground, product, raw, white, roughness)
+    penalty = PENALTIES[int(np.argmax(powers))]
     coefficients = np.linalg.solve(normal + penalty * roughness, scores)
-    return _Judged(product, log_p, looks, power, coefficients)
+    return _Judged(product, log_p, max(powers), coefficients)
 
 
 def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
@@ -266,25 +266,27 @@ def _pieces(ground: _Ground, product: Product) -> np.ndarray:
 
 
 def _predicted(
-    ground: _Ground, product: Product, raw: np.ndarray, white: np.ndarray, penalty: np.ndarray
-) -> float:
-    """Power of the residual (N^2 m^2) that a map takes away on pieces that it was not fitted to.
+    ground: _Ground, product: Product, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray
+) -> list[float]:
+    """For each penalty the power of the residual (N^2 m^2) that a map takes away on pieces that it was not fitted to.
 
     Zero when one piece gives nearly all of it: what happens once is no map.
     """
     pieces = _pieces(ground, product)
-    gains = np.zeros(len(ground.raw))
-    normal, scores = white.T @ white + penalty, white.T @ ground.white
+    gains = np.zeros((len(PENALTIES), int(pieces[-1]) + 1))
+    normal, scores = white.T @ white, white.T @ ground.white
     for fold in range(FOLDS):
         left = pieces % FOLDS == fold
-        some = white[left]
-        coefficients = np.linalg.solve(normal - some.T @ some, scores - some.T @ ground.white[left])
-        gains[left] = ground.raw[left] ** 2 - (ground.raw[left] - raw[left] @ coefficients) ** 2
-    of_piece = np.bincount(pieces, gains)
-    total = float(of_piece.sum())
-    if total - float(of_piece.max()) < 0.1 * total:
-        return 0.0
-    return max(0.0, total / len(gains))
+        some, target = white[left], ground.raw[left]
+        others, wanted = normal - some.T @ some, scores - some.T @ ground.white[left]
+        fits = [np.linalg.solve(others + p * roughness, wanted) for p in PENALTIES]
+        change = target**2 - (target - (raw[left] @ np.stack(fits, axis=1)).T) ** 2
+        for k, some_change in enumerate(change):
+            gains[k] += np.bincount(pieces[left], some_change, minlength=gains.shape[1])
+    total, most = gains.sum(axis=1), gains.max(axis=1)
+    return [
+        float(g / len(pieces)) if g - m > ONCE * g > 0.0 else 0.0 for g, m in zip(total, most, strict=True)
+    ]
 
 
 def _table(judged: _Judged) -> Table:
