@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.friction import lugre
+from tcs_friction.physics.registry import effect
 from tcs_friction.physics.simulate import simulate_open_loop
 from tcs_friction.physics.terms import Instance, instance
 
@@ -191,3 +192,30 @@ def test_simulated_axis_follows_a_stiff_solver() -> None:
     result = simulate_open_loop(Axis("test", 1000.0, LUGRE), 150.0 * np.sin(4.0 * t), 3.0 / steps)
     assert result.position[-1] == pytest.approx(solved.y[0, -1], rel=1e-4)
     assert result.velocity[-1] == pytest.approx(solved.y[1, -1], abs=1e-5)
+
+
+@pytest.mark.parametrize("dt", [1e-4, 2e-3])
+def test_damping_feels_a_level_that_changes_even_at_coarse_steps(dt: float) -> None:
+    """A bump passed at speed: the bristle follows its level at a rate that sigma1 turns into some N m."""
+    speed, p = 0.165, LUGRE.values
+    bump = instance(effect("local_friction_bump"), {"amplitude": 0.3, "centre": 0.1, "width": 0.05})
+
+    def level(q: float) -> float:
+        return float(p["coulomb"] * (1.0 + 0.3 * np.exp(-(((q - 0.1) / 0.05) ** 2))))
+
+    def rate(t: float, z: np.ndarray) -> np.ndarray:
+        return speed - p["stiffness"] * speed / level(speed * t) * z
+
+    t = np.arange(0.0, 1.2, dt)
+    solved = solve_ivp(
+        rate, (0.0, 1.2), [0.0], method="Radau", t_eval=t, rtol=1e-10, atol=1e-15, max_step=1e-3
+    )
+    slip = np.array([float(rate(t[i], solved.y[:, i])[0]) for i in range(len(t))])
+    out, zero = np.empty((len(t), 8)), np.zeros(len(t))
+    built = machine.build(Axis("test", 1.0, LUGRE, (bump,)), dt)
+    velocity = np.full(len(t), speed)
+    machine.evaluate(built, t, speed * t, velocity, zero, zero, np.full((1, len(t)), 20.0), 1e-6, out)
+    expected = p["stiffness"] * solved.y[0] + p["damping"] * slip
+    far = t > 0.05
+    assert np.abs(p["damping"] * slip[far]).max() > 2.0
+    assert np.abs(out[:, machine.DRY_PART] - expected)[far].max() < 0.05

@@ -16,15 +16,30 @@ BLIMAN = instance(
     {"coulomb": 78.0, "transient": 40.0, "presliding_distance": 2e-4, "ratio": 0.3, "viscous": 500.0},
 )
 RESET = instance(
-    law("reset_integrator"), {"coulomb": 78.0, "static": 110.0, "stiffness": 3e5, "damping": 2e4, "viscous": 500.0}
+    law("reset_integrator"),
+    {"coulomb": 78.0, "static": 110.0, "stiffness": 3e5, "damping": 2e4, "viscous": 500.0},
 )
 MAXWELL = instance(
     law("maxwell_slip"),
-    {"coulomb": 78.0, "static": 110.0, "stribeck_velocity": 6e-4, "stiffness": 3e5, "viscous": 500.0, "elements": 10.0},
+    {
+        "coulomb": 78.0,
+        "static": 110.0,
+        "stribeck_velocity": 6e-4,
+        "stiffness": 3e5,
+        "viscous": 500.0,
+        "elements": 10.0,
+    },
 )
 BAM = instance(
     law("bam"),
-    {"coulomb": 78.0, "static": 110.0, "stribeck_velocity": 6e-4, "viscous": 500.0, "load": 0.1, "load_stribeck": 0.05},
+    {
+        "coulomb": 78.0,
+        "static": 110.0,
+        "stribeck_velocity": 6e-4,
+        "viscous": 500.0,
+        "load": 0.1,
+        "load_stribeck": 0.05,
+    },
 )
 EXTRA = (BLIMAN, RESET, MAXWELL, BAM)
 
@@ -43,7 +58,16 @@ def walked(chosen: Instance, position: np.ndarray, dt: float, torque: float = 0.
 
 
 def test_all_laws_of_the_contract_are_there() -> None:
-    named = {"coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre", "reset_integrator", "bliman_sorine", "maxwell_slip", "bam"}
+    named = {
+        "coulomb_viscous",
+        "stribeck_static",
+        "dahl_viscous",
+        "lugre",
+        "reset_integrator",
+        "bliman_sorine",
+        "maxwell_slip",
+        "bam",
+    }
     assert named <= set(laws())
 
 
@@ -119,6 +143,8 @@ def test_bam_grows_with_the_load() -> None:
 
 
 def test_without_load_and_drop_bam_is_coulomb() -> None:
-    plain = instance(law("bam"), {"coulomb": 78.0, "static": 78.0, "stribeck_velocity": 1e-3, "viscous": 500.0})
+    plain = instance(
+        law("bam"), {"coulomb": 78.0, "static": 78.0, "stribeck_velocity": 1e-3, "viscous": 500.0}
+    )
     position = 1e-3 * np.sin(0.01 * np.arange(2000))
     assert walked(plain, position, 1e-3) == pytest.approx(walked(COULOMB, position, 1e-3), abs=1e-9)

@@ -26,10 +26,10 @@ from tcs_friction.physics.terms import (
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: deflection, rad."""
+    """State: deflection, rad; level at the instant before, N m."""
     v, level, sigma0, sigma1 = motion[VELOCITY], motion[LEVEL], parameters[0], parameters[1]
-    z = bristle_step(state[0], motion[TRAVEL], level, sigma0)
-    state[0] = z
+    z = bristle_step(state[0], motion[TRAVEL], state[1] if state[1] > 0.0 else level, level, sigma0)
+    state[0], state[1] = z, level
     before = motion[DRY]
     motion[DRY] = sigma0 * z + sigma1 * (v - sigma0 * abs(v) / level * z)
     motion[MOBILISED] = min(max(sigma0 * z / level, -1.0), 1.0)
@@ -56,7 +56,7 @@ TERM = Term(
         Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0, default=0.0),
     ),
     kernel=torque,
-    states=1,
+    states=2,
     coordinate="time_since_reversal",
     rank=-1,
     scan=scan,

@@ -7,7 +7,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.friction.lugre import COULOMB, STIFFNESS, VISCOUS_COEFFICIENT, bristle_step, scaled
+from tcs_friction.physics.friction.lugre import (
+    COULOMB,
+    STIFFNESS,
+    VISCOUS_COEFFICIENT,
+    bristle_step,
+    level_before,
+    scaled,
+)
 from tcs_friction.physics.terms import (
     DRY,
     LEVEL,
@@ -27,7 +34,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: deflection z, rad."""
     coulomb, stiffness, viscous = parameters[:3]
     level = scaled(motion, coulomb)
-    state[0] = bristle_step(state[0], motion[TRAVEL], level, stiffness)
+    state[0] = bristle_step(state[0], motion[TRAVEL], level_before(motion, level), level, stiffness)
     motion[DRY] = stiffness * state[0]
     motion[VISCOUS] = viscous * motion[VELOCITY] * motion[VISCOUS_SCALE]
     motion[LEVEL] = level

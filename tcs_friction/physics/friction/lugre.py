@@ -4,8 +4,8 @@
     g(v)  = coulomb + (static - coulomb) exp(-(v / stribeck_velocity)^2)
     F     = stiffness z + damping dz/dt + viscous v
 
-At constant velocity the bristle equation is linear, so its step is exact: z relaxes exponentially to g(v)/stiffness sign(v)
-over the travel g/stiffness. The step is stable at any stiffness and step length.
+Between two instants the bristle equation is linear, so its step is exact: z relaxes exponentially to g(v)/stiffness sign(v)
+over the travel g/stiffness, and follows a level that changes. The step is stable at any stiffness and step length.
 """
 
 from __future__ import annotations
@@ -48,12 +48,25 @@ def scaled(motion: Any, level: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def bristle_step(deflection: float, travel: float, level: float, stiffness: float) -> float:
-    """Bristle deflection (rad) after `travel` (rad) at the given level (N m): the exact solution of eq. 2."""
+def bristle_step(deflection: float, travel: float, before: float, level: float, stiffness: float) -> float:
+    """Bristle deflection (rad) after `travel` (rad), while the level went from `before` to `level` (N m).
+
+    The exact solution of eq. 2 for a level that changes in proportion to the travel. A step at constant level would put
+    the bristle where it ends up and lose the rate at which it follows, which the damping feels.
+    """
     if travel == 0.0:
         return deflection
-    steady = level / stiffness if travel > 0.0 else -level / stiffness
-    return steady + (deflection - steady) * math.exp(-stiffness * abs(travel) / level)
+    direction = 1.0 if travel > 0.0 else -1.0
+    widths = stiffness * abs(travel) * 2.0 / (before + level)
+    decay = math.exp(-widths)
+    mean = -math.expm1(-widths) / widths if widths > 0.0 else 1.0  # of the decay over the step
+    return deflection * decay + direction / stiffness * (before * (mean - decay) + level * (1.0 - mean))
+
+
+@njit(cache=True, error_model="numpy")
+def level_before(motion: Any, level: float) -> float:
+    """The level at the instant before, which a law finds where it will write its own; at the first instant its own."""
+    return float(motion[LEVEL] if motion[LEVEL] > 0.0 else level)
 
 
 @kernel
@@ -62,7 +75,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     sigma0, sigma1, sigma2 = parameters[3], parameters[4], parameters[5]
     v = motion[VELOCITY]
     g = scaled(motion, stribeck_level(v, parameters[0], parameters[1], parameters[2]))
-    z = bristle_step(state[0], motion[TRAVEL], g, sigma0)
+    z = bristle_step(state[0], motion[TRAVEL], level_before(motion, g), g, sigma0)
     state[0] = z
     motion[DRY] = sigma0 * z + sigma1 * (v - sigma0 * abs(v) / g * z)
     motion[VISCOUS] = sigma2 * v * motion[VISCOUS_SCALE]
