@@ -161,7 +161,9 @@ EFFECTS: Mapping[str, Effect] = {
         (0.0, 0.7),
     ),
     "imbalance": Effect(
-        lambda s: {"imbalance": 3.0, "imbalance_phase": s.phase()}, ("imbalance",), {"amplitude": "imbalance"}
+        lambda s: {"imbalance": 3.0, "imbalance_phase": s.phase()},
+        ("imbalance",),
+        {"amplitude": "imbalance", "phase": "imbalance_phase"},
     ),
     "cable_wrap": Effect(
         lambda s: {"cable": 1.0, "cable_cubic": s.between(0.0, 0.05)},
@@ -185,7 +187,7 @@ EFFECTS: Mapping[str, Effect] = {
             "vibration_phase": s.phase(),
         },
         ("vibration",),
-        {"frequency": "vibration_frequency", "amplitude": "vibration"},
+        {"frequency": "vibration_frequency", "amplitude": "vibration", "phase": "vibration_phase"},
     ),
     "load_step": Effect(
         lambda s: {"step": 2.0 * s.sign(), "step_time": s.duration * s.between(0.25, 0.75)},

@@ -15,6 +15,7 @@ from numba import njit
 
 PERIOD = 0.002  # s, of control and recording
 SUBSTEPS = 40  # 50 us
+QUARTER = 0.5 * math.pi  # a sine is a cosine a quarter turn later
 
 # State: position, velocity, bristle, deflection and velocity of the second body, cable, lagged torque,
 # bristle of the believed law
@@ -148,12 +149,12 @@ def pushing(p: Any, e: Any, k: int, t: float, q: float, v: float, s: float) -> A
         p.bias
         + p.drag * v * abs(v)
         + p.viscous_asymmetry * abs(v)
-        + wave(p.imbalance, 1.0, p.imbalance_phase, q)
+        + wave(p.imbalance, 1.0, p.imbalance_phase - QUARTER, q)
     )
     x += (p.cable + p.cable_cubic * q * q) * q + p.hysteresis * s
     x += wave(p.cogging, p.cogging_order, p.cogging_phase, q)
     x += wave(p.cogging_second, 2.0 * p.cogging_order, 1.7 * p.cogging_phase, q)
-    x += wave(p.vibration, 2.0 * math.pi * p.vibration_frequency, p.vibration_phase, t)
+    x += wave(p.vibration, 2.0 * math.pi * p.vibration_frequency, p.vibration_phase - QUARTER, t)
     x += p.step if t >= p.step_time else 0.0
     x += p.coupling * e.elevation_acceleration[k] + p.elevation_linear * e.elevation_velocity[k]
     x += p.wind * e.wind[k] * abs(e.wind[k]) + p.wind_linear * e.wind[k]
@@ -192,7 +193,7 @@ def slope(p: Any, e: Any, k: int, t: float, y: Any, command: float, noise: float
     friction = p.stiffness * y[Z] + p.damping * dy[Z] + p.viscous * sticky * v
     opposing = friction + pushing(p, e, k, t, q, v, y[S])
     own = p.inertia * (1.0 - p.ratio) * (1.0 + wave(p.inertia_variation, 2.0, p.inertia_phase, q))
-    opposing -= p.inertia * wave(p.inertia_variation, 2.0, p.inertia_phase - 0.5 * math.pi, q) * v * v
+    opposing -= p.inertia * wave(p.inertia_variation, 2.0, p.inertia_phase - QUARTER, q) * v * v
     spring = coupled(p, y)
     dy[Q] = v
     dy[V] = (motor + noise - opposing + spring) / own
