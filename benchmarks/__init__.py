@@ -6,6 +6,7 @@ A module has `add_arguments(parser)` for its own options and `run(arguments)`, w
 
 BENCHMARKS = {
     "bag": "reading an hour of joint states, beside other readers",
+    "recorder": "the recorder node at 1 kHz and five topics",
     "simulate": "the offline axis, beside scipy's solve_ivp",
     "graph": "ticks per second of the node graph, beside a bare chain of messages",
     "cost": "the identification's cost, beside NumPy",

@@ -16,14 +16,13 @@ from typing import Any
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from tcs_friction.control.config_field import setting, switch, text
 from tcs_friction.errors import InputError, TcsError
-from tcs_friction.nodes import parameters
+from tcs_friction.nodes.bag_node import BagNode
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
 from tcs_friction.recording.bags import Bag
@@ -107,30 +106,29 @@ class Pace:
         return False
 
 
-class PlayerNode(Node):
-    """One thread publishes at the bag's pace; the executor serves pause and resume. The settings hold from the start on."""
+class PlayerNode(BagNode[PlayerConfig]):
+    """One thread publishes at the bag's pace; the executor serves pause and resume."""
 
     def __init__(self, at_end: Callable[[], object] = rclpy.try_shutdown) -> None:
-        super().__init__("player", enable_rosout=False)
+        super().__init__("player", PlayerConfig())
         self._at_end = at_end
-        self._config = parameters.declare(self, PlayerConfig())
-        if not self._config.bag:
+        if not self.config.bag:
             raise InputError("player: parameter bag", "is empty", "the bag to play")
-        self._bag = Bag(Path(self._config.bag))
-        self._topics = self._config.topics.split() or None
+        self._bag = Bag(Path(self.config.bag))
+        self._topics = self.resolved(self.config.topics) or None
         self._outlets: dict[Channel, Publisher | None] = {}
         self.count = 0
-        self.pace = Pace(self._config.rate)
-        if self._config.paused:
+        self.pace = Pace(self.config.rate)
+        if self.config.paused:
             self.pace.pause()
         self._first = first_time(self._bag, self._topics)
         if not self._first:
             known = [channel.topic for channel in self._bag.channels]
-            wanted = self._config.topics
-            raise InputError(f"{self._config.bag}", f"no message on {wanted or 'any topic'}", nearest(wanted, known))
+            wanted = " ".join(self._topics or ())
+            raise InputError(f"{self.config.bag}", f"no message on {wanted or 'any topic'}", nearest(wanted, known))
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
-        self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if self._config.clock_rate else None
+        self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if self.config.clock_rate else None
         self._thread = threading.Thread(target=self._play, daemon=True)
         self._thread.start()
 
@@ -139,6 +137,11 @@ class PlayerNode(Node):
         self.pace.stop()
         self._thread.join()
         super().destroy_node()
+
+    def condition(self) -> tuple[str, dict[str, str]]:
+        """How far it is."""
+        played = max(self.pace.bag_time() - self._first, 0) / SECOND if self.count else 0.0
+        return "", {"bag": self.config.bag, "messages": str(self.count), "time of the bag [s]": f"{played:.3f}"}
 
     def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.pace.pause()
@@ -154,14 +157,14 @@ class PlayerNode(Node):
         """The thread: everything once, or over and over."""
         try:
             self._announce()
-            begin = self._first + int(self._config.start_offset * SECOND)
+            begin = self._first + int(self.config.start_offset * SECOND)
             again = True
             while again and not self.pace.stopped:
                 messages = in_log_order(self._bag, self._topics, begin)
                 head = list(itertools.islice(messages, 1))  # found before the time runs
                 self.pace.start(begin)
                 played = self._play_once(itertools.chain(head, messages))
-                again = self._config.loop and played > 0
+                again = self.config.loop and played > 0
             for note in self._bag.notes:
                 self.get_logger().warning(note)
         except TcsError as error:
@@ -178,8 +181,8 @@ class PlayerNode(Node):
         for _, channel, _ in self._head():
             self._publisher(channel)
         self.pace.start(0)
-        end = int(self._config.delay * SECOND * self._config.rate)
-        if not self._config.paused:
+        end = int(self.config.delay * SECOND * self.config.rate)
+        if not self.config.paused:
             self.pace.wait(end)
 
     def _head(self) -> Iterator[Message]:
@@ -189,7 +192,7 @@ class PlayerNode(Node):
             yield message
 
     def _play_once(self, messages: Iterator[Message]) -> int:
-        step = int(SECOND * self._config.rate / self._config.clock_rate) if self._clock_outlet else 0
+        step = int(SECOND * self.config.rate / self.config.clock_rate) if self._clock_outlet else 0
         tick = 0
         played = 0
         for due, channel, payload in messages:
@@ -204,7 +207,7 @@ class PlayerNode(Node):
             if publisher is not None:
                 publisher.publish(payload)
                 played += 1
-        self.count += played
+                self.count += 1
         return played
 
     def _publish_clock(self, now: int) -> None:

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 
 from tcs_friction.control.config_field import choice, setting, text
-from tcs_friction.nodes import parameters
+from tcs_friction.nodes.bag_node import BagNode
 from tcs_friction.nodes.bag_topics import (
     installed_definition,
     message_class,
@@ -43,18 +42,18 @@ class RecorderConfig:
     discovery_period: float = setting(0.2, "s", 0.01, 10.0, "how often to look for new topics")
 
 
-class RecorderNode(Node):
-    """Subscribes to topics as they appear; a message is never deserialised. The settings hold from the start on."""
+class RecorderNode(BagNode[RecorderConfig]):
+    """Subscribes to topics as they appear; a message is never deserialised."""
 
     def __init__(self) -> None:
-        super().__init__("recorder", enable_rosout=False)  # its last words come after the end of the context
-        config = parameters.declare(self, RecorderConfig())
+        super().__init__("recorder", RecorderConfig())
+        config = self.config
         path = Path(config.bag or time.strftime("recording_%Y%m%d_%H%M%S"))
         compression = "" if config.compression == "none" else config.compression
         size, span = int(config.split_size * 1e6), int(config.split_duration * SECOND)
         self.bag = BagRecorder(path, compression, size, span)
         self.lost = 0
-        self._wanted = {self.resolve_topic_name(name) for name in config.topics.split()}
+        self._wanted = set(self.resolved(config.topics))
         self._seen: set[str] = set()
         self._now: Callable[[], int] = time.time_ns
         if self.get_parameter("use_sim_time").value:
@@ -71,6 +70,14 @@ class RecorderNode(Node):
         lost = f"; {self.lost} messages lost on the way here" if self.lost else ""
         self.get_logger().info(f"recorded {counts}{lost}")
         super().destroy_node()
+
+    def condition(self) -> tuple[str, dict[str, str]]:
+        """Messages recorded and lost."""
+        awaited = sorted(self._wanted - self._seen)
+        problem = f"{self.lost} messages lost on the way here" if self.lost else ""
+        if awaited:
+            problem = f"nobody publishes {', '.join(awaited)}"
+        return problem, {"bag": str(self.bag.path), **{topic: str(count) for topic, count in self.bag.counts.items()}}
 
     def _discover(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():

@@ -1,7 +1,5 @@
 """The player node: the bag's messages on their topics at their times; pause, loop, offset, clock."""
 
-# ruff: noqa: E402 (nothing of ROS may be imported before it is known to be there)
-
 from __future__ import annotations
 
 import os
@@ -13,9 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-rclpy = pytest.importorskip("rclpy")
-
+import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
@@ -29,7 +25,7 @@ from tcs_friction.nodes.player import Pace, PlayerNode
 from tcs_friction.recording.encode import encoded
 from tcs_friction.recording.write import EPOCH, write_bag
 
-DOMAIN = int(os.environ.get("ROS_DOMAIN_ID", "55")) + 1
+DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 
 
 class Listener:
@@ -45,8 +41,8 @@ class Listener:
         self.node.create_subscription(Clock, "/clock", self._on_clock, 1000)
         profile = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.node.create_subscription(Float64, "/latched", lambda m: self.latched.append(m.data), profile)
-        self.pause = self.node.create_client(Trigger, "/player/pause")
-        self.resume = self.node.create_client(Trigger, "/player/resume")
+        self.pause = self.node.create_client(Trigger, "/azimuth/player/pause")
+        self.resume = self.node.create_client(Trigger, "/azimuth/player/resume")
 
     def _on_clock(self, message: Clock) -> None:
         self.clock.append(message.clock.sec * 10**9 + message.clock.nanosec)

@@ -1,7 +1,5 @@
 """The recorder node: everything that is published is in the bag, also when the node is killed."""
 
-# ruff: noqa: E402 (nothing of ROS may be imported before it is known to be there)
-
 from __future__ import annotations
 
 import os
@@ -15,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
 import yaml
-
-rclpy = pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
@@ -40,7 +37,7 @@ from tcs_friction.nodes.recorder import RecorderNode
 from tcs_friction.recording.bags import Bag, read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
-DOMAIN = int(os.environ.get("ROS_DOMAIN_ID", "55"))
+DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 ROOT = Path(__file__).resolve().parents[2]
 SIGNALS = SignalMap(
     SignalSource("/azimuth/joint_states", "position", "azimuth"), SignalSource("/azimuth/joint_states", "effort", "azimuth")
@@ -85,7 +82,7 @@ def state(stamp: int) -> JointState:
 
 def test_every_message_is_recorded_as_it_was_sent(graph: Any, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
-    arguments = ["-p", f"bag:={bag}", "-p", "topics:=/azimuth/joint_states /late /odd/best_effort"]
+    arguments = ["-p", f"bag:={bag}", "-p", "topics:=joint_states /late /odd/best_effort"]
     (recorder, node), spin = graph(arguments, RecorderNode, talker)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     states = node.create_publisher(JointState, "joint_states", 100)
@@ -104,6 +101,10 @@ def test_every_message_is_recorded_as_it_was_sent(graph: Any, tmp_path: Path) ->
     wanted = {"/azimuth/joint_states": 300, "/late": 1, "/odd/best_effort": 30}
     assert spin(lambda: recorder.bag.counts == wanted), recorder.bag.counts
     profiles = [publisher_profile(channel.qos) for channel, _ in recorder.bag._channels if channel.topic == "/late"]
+    assert recorder.condition()[0] == ""
+    assert recorder.condition()[1]["/azimuth/joint_states"] == "300"
+    refused = recorder.set_parameters([Parameter("topics", value="/other")])[0]
+    assert (refused.successful, "topics cannot change" in refused.reason) == (False, True)
     recorder.bag.close()
     recorder.bag.close = lambda: None  # the fixture closes it again
 

@@ -1,0 +1,49 @@
+"""What recorder and player share: a configuration that holds from the start on, and diagnostics. They need no axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Generic, TypeVar
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from tcs_friction.nodes import parameters
+
+C = TypeVar("C")
+
+
+class BagNode(Node, Generic[C]):
+    """A node about a bag. Its name in the log only: its last words come when the context has ended."""
+
+    def __init__(self, name: str, defaults: C) -> None:
+        super().__init__(name, namespace="azimuth", enable_rosout=False)
+        self.config: C = parameters.declare(self, defaults)
+        self._own = {item.name for item in parameters.as_parameters(defaults)}
+        self.add_on_set_parameters_callback(self._refuse)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_timer(1.0, self._report)
+
+    def condition(self) -> tuple[str, dict[str, str]]:
+        """What is wrong ("" for nothing), and counters. For subclasses."""
+        raise NotImplementedError
+
+    def resolved(self, names: str) -> list[str]:
+        """Topics separated by blanks as full names."""
+        return [self.resolve_topic_name(name) for name in names.split()]
+
+    def _refuse(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        fixed = [item.name for item in changes if item.name in self._own]
+        reason = f"{', '.join(fixed)} cannot change while the node runs; start it anew" if fixed else ""
+        return SetParametersResult(successful=not fixed, reason=reason)
+
+    def _report(self) -> None:
+        problem, counters = self.condition()
+        level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
+        status = DiagnosticStatus(level=level, name=self.get_fully_qualified_name(), message=problem or "ok")
+        status.values = [KeyValue(key=key, value=value) for key, value in counters.items()]
+        report = DiagnosticArray(status=[status])
+        report.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(report)
