@@ -21,12 +21,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from tcs_friction.diagnose.diagnose import diagnose
 
 from benchmarks.concealed_baselines import baselines
 from benchmarks.concealed_effects import EFFECTS, OUTSIDE
 from benchmarks.concealed_oracle import detection_limit
 from benchmarks.worlds import World, draw_world
+from tcs_friction.diagnose.verdict import diagnose
 
 SMALLEST, LARGEST = 1.0, 8.0  # sizes of concealed effects, torque rms over that of the noise floor
 NATURAL = ("presliding",)  # effects that come as large as they are

@@ -1,0 +1,133 @@
+"""The concealed benchmark: its counting, and that the diagnosis never opens the folder with the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+from benchmarks.concealed import TOOL, Outcome, draw_cases, parameter_errors, rows, same_set
+from benchmarks.worlds import draw_world, write_world
+
+# Diagnoses a bag and prints every path that was opened or listed on the way, then the result
+WATCHED = """
+import json, sys
+from pathlib import Path
+opened = []
+def watch(event, arguments):
+    if event in ("open", "os.listdir", "os.scandir", "shutil.copyfile") and arguments:
+        opened.append(str(arguments[0]))
+sys.addaudithook(watch)
+from tcs_friction.config import load_axis
+from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.recording.bags import read_recordings
+folder = Path(sys.argv[1])
+file = load_axis(folder / "axis.yaml")
+found = diagnose(read_recordings([folder / "recording"], file.signals), file, seed=0)
+print(json.dumps({"opened": opened, "found": found.to_mapping()}))
+"""
+
+
+def entry(effect: str, *equivalent: str, **parameters: float) -> dict[str, Any]:
+    return {
+        "effect": effect,
+        "equivalent": list(equivalent),
+        "parameters": {name: {"value": value} for name, value in parameters.items()},
+    }
+
+
+@pytest.mark.parametrize(
+    ("concealed", "entries", "right"),
+    [
+        ((), [], True),
+        ((), [entry("cogging")], False),
+        (("cogging",), [entry("cogging")], True),
+        (("cogging",), [], False),
+        (("cogging",), [entry("torque_ripple", "cogging")], True),
+        (("cogging",), [entry("torque_ripple")], False),
+        (("cogging",), [entry("cogging"), entry("imbalance")], False),
+        (("cogging", "imbalance"), [entry("imbalance"), entry("cogging")], True),
+        (("cogging",), [entry("cogging"), entry("torque_ripple", "cogging")], False),
+        (("cogging",), [entry("cogging"), entry("learned_map")], True),
+    ],
+)
+def test_exact_sets(concealed: tuple[str, ...], entries: list[dict[str, Any]], right: bool) -> None:
+    assert same_set(concealed, entries) is right
+
+
+def test_parameter_errors_are_relative_and_phases_in_turns() -> None:
+    world = draw_world(np.random.default_rng(0), ["cogging"], 4.0, 0.1)
+    truth = world.truth.parameters["cogging"]
+    found = entry(
+        "cogging",
+        order=truth["order"],
+        amplitude=1.1 * truth["amplitude"],
+        phase=truth["phase"] - 0.98 * 2.0 * math.pi,
+    )
+    errors = parameter_errors(world, [found, entry("imbalance", amplitude=1.0)])
+    assert errors["cogging.order"] == 0.0
+    assert errors["cogging.amplitude"] == pytest.approx(0.1)
+    assert errors["cogging.phase"] == pytest.approx(0.02)
+    assert len(errors) == 3
+
+
+def outcome(kind: str, right: bool, other: bool) -> Outcome:
+    named = {TOOL: ("cogging",), "stepwise regression": ()}
+    both = {TOOL: right, "stepwise regression": other}
+    return Outcome(kind, ("imbalance",), named, both, "missing_physics", 2.0, 1.05, {"a.b": 0.01})
+
+
+def test_rows_count_shares_and_name_confusions() -> None:
+    outcomes = [outcome("one", True, False)] * 3 + [outcome("one", False, True), outcome("none", True, False)]
+    found = {row["name"]: row["value"] for row in rows(outcomes)}
+    assert found["one effect, right and alone"] == 75.0
+    assert found["one effect, right and alone: stepwise regression"] == 25.0
+    assert found["nothing concealed, false alarm"] == 0.0
+    assert found["nothing concealed, false alarm: stepwise regression"] == 100.0
+    assert found["held-out residual over noise floor, median"] == 1.05
+    assert found["imbalance named cogging"] == 1.0
+    assert "two effects, exact set" not in found
+
+
+def test_cases_are_seeded_and_cover_everything() -> None:
+    cases = draw_cases(3, 1, 1.0)
+    assert cases == draw_cases(3, 1, 1.0)
+    assert len({case.seed for case in cases}) == len(cases)
+    assert {case.kind for case in cases} == {"none", "one", "two", "three", "outside"}
+    assert all(case.kind == "two" for case in draw_cases(3, 1, 1.0, "two"))
+
+
+def diagnosed(folder: Path) -> dict[str, Any]:
+    done = subprocess.run(
+        [sys.executable, "-c", WATCHED, str(folder)], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def test_the_diagnosis_never_opens_the_truth(tmp_path: Path) -> None:
+    """Nothing in the sealed folder is opened or listed, and without it the result is the same to the last digit."""
+    world = draw_world(np.random.default_rng(2), ["imbalance"], 8.0, 0.3)
+    sealed = tmp_path / "world" / "sealed"  # beside the bag, where a search upwards or around would find it
+    write_world(world, tmp_path / "world" / "open", sealed)
+    first = diagnosed(tmp_path / "world" / "open")
+    assert any("recording" in path for path in first["opened"])
+    assert not [path for path in first["opened"] if "sealed" in path or "truth" in path]
+    shutil.rmtree(sealed)
+    assert diagnosed(tmp_path / "world" / "open")["found"] == first["found"]
+
+
+def test_the_product_knows_nothing_of_the_generator() -> None:
+    for path in (ROOT / "tcs_friction").rglob("*.py"):
+        if path.name != "bench.py":
+            text = path.read_text()
+            assert "benchmarks" not in text, path
+            assert "truth.json" not in text, path
