@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
 from benchmarks.concealed import TOOL, Outcome, draw_cases, parameter_errors, rows, same_set
 from benchmarks.worlds import draw_world, write_world
+
+ROOT = Path(__file__).resolve().parents[2]
 
 # Diagnoses a bag and prints every path that was opened or listed on the way, then the result
 WATCHED = """

@@ -10,10 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(
-    0, str(Path(__file__).resolve().parents[2])
-)  # the benchmarks are no part of the installed package
-
 from benchmarks.concealed_baselines import baselines, residual_of
 from benchmarks.concealed_effects import EFFECTS, EXCLUSIVE, OUTSIDE, compatible
 from benchmarks.concealed_oracle import detection_limit, whitened
