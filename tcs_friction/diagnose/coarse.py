@@ -18,6 +18,8 @@ from tcs_friction.diagnose.balance import Balance
 
 RATE = 20.0  # chunks per second at most
 MOST_CHUNKS = 40_000
+KNEE = 0.3  # of the highest slow frequency: noise is taken to be flat below
+LEEWAY = 1.2  # by which noise power below the knee may exceed that
 ORDER = 10  # of the whitening filter, chunks
 
 
@@ -105,6 +107,38 @@ def regress(columns: np.ndarray, white: np.ndarray) -> Regression:
         root @ scores,
         variance * (root @ root.T),
     )
+
+
+@dataclass(frozen=True)
+class Slow:
+    """Power (N^2 m^2) of a residual below `knee` (Hz) in excess of a flat noise; statistic: measured over expected power of all
+    that is slow, with its p-value; floor: rms of the whole noise that is flat below the knee, N m."""
+
+    power: float
+    statistic: float
+    p_value: float
+    knee: float
+    floor: float
+
+
+def slow_excess(coarse: Coarse, residual: np.ndarray, raw: np.ndarray) -> Slow:
+    """Compare slow power with a noise that does not rise towards low frequencies. `raw`: the residual's chunk means.
+
+    A drive's torque noise is flat below its corner, so the level in the upper part of the slow band bounds the noise below it.
+    """
+    frequency, power = coarse.balance.noise_spectrum(residual)
+    highest = min(0.5 / coarse.period, coarse.balance.data.cutoff)
+    knee = KNEE * highest
+    band = (frequency >= knee) & (frequency <= 2.0 * knee)
+    level = float(np.median(power[band])) if band.any() else float(np.median(power))
+    flat = np.where(frequency < knee, np.minimum(power, level), power)
+    allowed = np.where(frequency < knee, LEEWAY * flat, power) * np.sinc(frequency * coarse.period) ** 2
+    expected = max(float(np.trapezoid(allowed, frequency)), 1e-300)
+    actual = float(np.mean(raw**2))
+    count = 2.0 * knee * coarse.period * len(raw)  # independent numbers below the knee
+    p_value = float(stats.chi2.sf(count * actual / expected, count))
+    floor = math.sqrt(float(np.trapezoid(flat, frequency)))
+    return Slow(max(0.0, actual - expected), actual / expected, p_value, knee, floor)
 
 
 def _runs(balance: Balance) -> list[tuple[int, int]]:

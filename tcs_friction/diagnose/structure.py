@@ -18,7 +18,7 @@ from scipy import linalg, stats
 
 from tcs_friction.diagnose.balance import Balance, Fit, get, put
 from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
-from tcs_friction.diagnose.coarse import Coarse
+from tcs_friction.diagnose.coarse import Coarse, slow_excess
 from tcs_friction.physics.terms import Table
 
 FALSE_ALARM = 1e-3  # over all maps
@@ -29,8 +29,6 @@ FOLDS = 5
 PIECES = 20  # of the recording that maps without time must predict from the others
 ONCE = 0.1  # of a map's gain at least must come from other pieces than the best
 PIECE_SECONDS = 3.0  # that maps over time must predict from their surroundings
-KNEE = 0.3  # of the highest slow frequency: noise is taken to be flat below
-LEEWAY = 1.2  # by which noise power below the knee may exceed that
 PEAKS = 2  # of a spectrum that are tried
 SIMPLER = 0.9  # of the best map's explained power is enough for a simpler one
 
@@ -303,22 +301,9 @@ def _table(judged: _Judged) -> Table:
 
 
 def _in_time(ground: _Ground) -> Structure | None:
-    """Structure in time: slow power in excess of a noise that does not rise towards low frequencies.
-
-    A drive's torque noise is flat below its corner, so the level in the upper part of the slow band bounds the noise below it.
-    """
-    balance, coarse = ground.balance, ground.coarse
-    frequency, power = balance.noise_spectrum(ground.residual)
-    highest = min(0.5 / coarse.period, balance.data.cutoff)
-    level = float(np.median(power[(frequency >= KNEE * highest) & (frequency <= 2.0 * KNEE * highest)]))
-    flat = np.where(frequency < KNEE * highest, np.minimum(power, level), power)
-    passed = np.sinc(frequency * coarse.period) ** 2
-    expected = LEEWAY * float(np.trapezoid(flat * passed, frequency))
-    actual = float(np.mean(ground.raw**2))
-    floor = math.sqrt(float(np.trapezoid(flat, frequency)))
-    excess = math.sqrt(max(0.0, actual - expected))
-    count = 2.0 * KNEE * highest * coarse.period * len(ground.raw)  # independent numbers below the knee
-    p_value = float(stats.chi2.sf(count * actual / expected, count))
-    if excess < MATERIAL_IN_TIME * floor or p_value > FALSE_ALARM:
+    """Structure in time: slow power in excess of a noise that does not rise towards low frequencies."""
+    slow = slow_excess(ground.coarse, ground.residual, ground.raw)
+    if math.sqrt(slow.power) < MATERIAL_IN_TIME * slow.floor or slow.p_value > FALSE_ALARM:
         return None
-    return Structure(("time",), p_value, excess, excess**2 / actual, None, None)
+    share = slow.power / float(np.mean(ground.raw**2))
+    return Structure(("time",), slow.p_value, math.sqrt(slow.power), share, None, None)

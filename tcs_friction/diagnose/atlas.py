@@ -1,0 +1,283 @@
+"""Atlas of a residual: over which coordinates it lives, how surely, how much of it, and where.
+
+Every coordinate is cut into bins of equal data; the means of all bins are one regression on whitened chunk means, so that
+autocorrelated noise gives uniform p-values without permutations. Periods come from spectra over position and time, with
+their number of independent orders as Bonferroni's factor. A constant belongs to no coordinate: it shows in the curves,
+not in the statistics.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import ndimage, stats
+
+from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.coarse import Coarse, Regression, regress, slow_excess
+from tcs_friction.physics.axis import Axis
+
+BINS = 32  # of a coordinate at most
+FEWEST = 40  # chunks a bin
+WIDE = 4  # fluctuations on either side of an edge that are searched for a quiet place; bins are twice as wide
+FLUCTUATION_SECONDS = 2.0  # faster changes of a speed or torque count as fluctuations
+CLEAR = 4.0  # standard errors by which a bin must differ to belong to the range
+SURE = 1e-3  # p-value below which a range or period is named
+MOST_ORDERS = 2000  # independent ones in the travel that a spectrum looks at
+
+
+@dataclass(frozen=True, eq=False)
+class AtlasEntry:
+    """The residual over one coordinate.
+
+    statistic: F of the bin means (chi-squared of two over the noise for a period). p_value: valid for autocorrelated noise, all
+    looks at this coordinate counted. share: of the residual's power, 0 to 1, without what noise alone explains. range: smallest
+    that holds the bins that differ, None if that is everywhere or nowhere. period: rad, m or s, None if it does not repeat.
+    x, mean, band (k,): centres of the bins, mean residual in N m (N) and its 95 % half width.
+    """
+
+    coordinate: str
+    unit: str
+    statistic: float
+    p_value: float
+    share: float
+    range: tuple[float, float] | None
+    period: float | None
+    x: np.ndarray
+    mean: np.ndarray
+    band: np.ndarray
+
+
+def atlas(balance: Balance, axis: Axis, fit_residual: np.ndarray) -> tuple[AtlasEntry, ...]:
+    """Where a torque residual (n,) lives; train rows only, coordinates that do not vary are left out."""
+    coarse = Coarse(balance, fit_residual)
+    if len(coarse.rows) < 2 * FEWEST:
+        return ()
+    angle = "rad" if axis.kind == "rotary" else "m"
+    effort = "N m" if axis.kind == "rotary" else "N"
+    data = balance.data
+    coordinates = {
+        "time": ("s", data.joined("t")),
+        "position": (angle, data.joined("position")),
+        "velocity": (f"{angle}/s", data.joined("velocity")),
+        "direction": ("", _direction(balance)),
+        "acceleration": (f"{angle}/s^2", data.joined("acceleration")),
+        "torque": (effort, data.joined("torque")),
+        "time_since_reversal": ("s", time_since_reversal(balance)),
+    }
+    signals = data.joined("signals")
+    if data.temperature:
+        coordinates["temperature"] = ("degC", signals[0])
+    for name, values in zip(data.names, signals[1:], strict=True):
+        coordinates[f"exogenous:{name}"] = ("", values)
+    entries = [_entry(coarse, fit_residual, name, unit, x) for name, (unit, x) in coordinates.items()]
+    found = [_with_period(balance, entry, fit_residual) for entry in entries if entry is not None]
+    return (*found, _frequency(coarse, fit_residual))
+
+
+def _direction(balance: Balance) -> np.ndarray:
+    """Sign of the velocity where it is known, 0 elsewhere."""
+    velocity = balance.data.joined("velocity")
+    return np.asarray(np.sign(velocity) * (np.abs(velocity) > 3.0 * balance.data.velocity_noise))
+
+
+def time_since_reversal(balance: Balance) -> np.ndarray:
+    """Seconds (n,) since the direction last changed, or since the stretch began."""
+    parts = []
+    for s, direction in zip(
+        balance.data.stretches, np.split(_direction(balance), balance.ends[1:-1]), strict=True
+    ):
+        t = s.t[:: balance.data.stride]
+        known = np.flatnonzero(direction)
+        changed = known[1:][direction[known[1:]] != direction[known[:-1]]]
+        last = np.zeros(len(t), np.int64)
+        last[changed] = changed
+        parts.append(t - t[np.maximum.accumulate(last)])
+    return np.concatenate(parts)
+
+
+def _entry(
+    coarse: Coarse, residual: np.ndarray, name: str, unit: str, values: np.ndarray
+) -> AtlasEntry | None:
+    """Bin means of one coordinate as one whitened regression; None when it does not vary."""
+    x = values[coarse.samples]
+    bins = max(2, min(BINS, len(coarse.rows) // FEWEST))
+    if name == "direction":
+        edges = np.array([-1.5, -0.5, 0.5, 1.5])
+    elif name in ("velocity", "acceleration", "torque"):
+        edges = _quiet_edges(x, bins, round(FLUCTUATION_SECONDS / coarse.balance.data.dt))
+    else:
+        edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
+    counts = np.histogram(x, edges)[0]
+    if np.count_nonzero(counts) < 2:
+        return None
+    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    raw = coarse.scatter(index[:, None], np.ones((len(x), 1)), len(counts))[:, counts > 0]
+    centres = (np.bincount(index, x, minlength=len(counts)) / np.maximum(counts, 1))[counts > 0]
+    columns, white = coarse.whiten(raw), coarse.whiten(coarse.mean(residual))
+    means = regress(columns, white)
+    constant = coarse.whiten(np.ones(coarse.count))
+    constant = constant / np.linalg.norm(constant)
+    fit = regress(columns - np.outer(constant, constant @ columns), white - constant * (constant @ white))
+    deviation = np.sqrt(np.diag(means.covariance))
+    keep = counts[counts > 0] >= 2 * coarse.width if name != "direction" else centres != 0.0
+    return AtlasEntry(
+        name,
+        unit,
+        fit.statistic,
+        math.exp(fit.log_p),
+        _share(raw[coarse.rows], fit, residual[coarse.balance.train]),
+        _range(edges[:-1][counts > 0], edges[1:][counts > 0], means) if fit.log_p < math.log(SURE) else None,
+        None,
+        centres[keep],
+        means.coefficients[keep],
+        1.96 * deviation[keep],
+    )
+
+
+def _quiet_edges(x: np.ndarray, bins: int, window: int) -> np.ndarray:
+    """Edges of bins for what torque noise itself moves: wide against its fluctuations, and where values are rare.
+
+    Bins finer than the noise would sort the residual by its own sign.
+    """
+    fluctuation = x - ndimage.uniform_filter1d(x, max(window, 3))
+    power = ndimage.uniform_filter1d(fluctuation**2, max(window, 3))
+    scale = max(math.sqrt(float(np.median(power))), 1e-6 * float(np.ptp(x)), 1e-300)
+    quantiles = np.quantile(x, np.linspace(0.0, 1.0, bins + 1))
+    ordered = np.sort(x)
+    edges = [quantiles[0]]
+    for target in quantiles[1:-1]:
+        tried = target + scale * np.arange(-WIDE, WIDE + 1)
+        density = np.searchsorted(ordered, tried + scale) - np.searchsorted(ordered, tried - scale)
+        edge = float(tried[int(np.argmin(density))])
+        if edge - edges[-1] >= 2 * WIDE * scale and quantiles[-1] - edge >= 2 * WIDE * scale:
+            edges.append(edge)
+    return np.array([*edges, quantiles[-1]])
+
+
+def _share(raw: np.ndarray, fit: Regression, residual: np.ndarray) -> float:
+    """Power of the fitted bin means less what noise puts there, over that of the residual; both without their constant."""
+    centred = raw - raw.mean(axis=0)
+    power = float(np.mean((centred @ fit.coefficients) ** 2))
+    noise = float(np.sum(fit.covariance * (centred.T @ centred))) / len(raw)
+    total = max(float(np.var(residual)), 1e-300)
+    return min(1.0, max(0.0, (power - noise) / total))
+
+
+def _range(lower: np.ndarray, upper: np.ndarray, means: Regression) -> tuple[float, float] | None:
+    """Where bins differ from the median of all; None if that is nowhere or most of the coordinate."""
+    deviation = np.sqrt(np.diag(means.covariance))
+    if len(lower) < 4:
+        return None
+    clear = np.flatnonzero(
+        np.abs(means.coefficients - np.median(means.coefficients)) > CLEAR * np.maximum(deviation, 1e-300)
+    )
+    if len(clear) == 0:
+        return None
+    here = (float(lower[clear[0]]), float(upper[clear[-1]]))
+    return None if clear[-1] - clear[0] + 1 > 0.7 * len(lower) else here
+
+
+def _with_period(balance: Balance, entry: AtlasEntry, residual: np.ndarray) -> AtlasEntry:
+    """Position: the entry with its period where a spectrum shows more than the bins do."""
+    if entry.coordinate != "position":
+        return entry
+    own = copy.copy(balance)  # its noise is this residual's
+    own.estimate_noise(residual)
+    period, statistic, p_value, share = _position_line(own, residual)
+    combined = min(1.0, 2.0 * min(entry.p_value, p_value))
+    if p_value > entry.p_value and (p_value > SURE or share < 0.5 * entry.share):
+        return replace(entry, p_value=combined)
+    if share < entry.share:
+        statistic, share = entry.statistic, entry.share
+    changes: dict[str, Any] = {"p_value": combined, "statistic": statistic, "share": share}
+    if p_value < SURE:
+        changes |= {"period": period, "range": None}
+    return replace(entry, **changes)
+
+
+def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float, float, float]:
+    """Strongest period in position: the period, its chi-squared of two, p-value over all orders, share of the power."""
+    q = balance.data.joined("position")
+    white = balance.whiten(residual)
+    span = float(np.ptp(q[balance.train]))
+    moving = np.abs(balance.data.joined("velocity"))
+    speed = max(float(np.median(moving[balance.train])), 1e-300)
+    highest = min(2.0 * math.pi * balance.data.cutoff / speed, 2.0 * math.pi * MOST_ORDERS / span)
+    lowest = 2.0 * math.pi / span
+    if highest < 2.0 * lowest:
+        return 0.0, 0.0, 1.0, 0.0
+    constant = balance.whiten(np.ones(len(residual)))
+    white = white - constant * float(constant @ white) / float(constant @ constant)
+    step = 0.5 * math.pi / highest
+    cell = ((q - q.min()) / step).astype(np.int64)
+    binned = np.bincount(cell, balance.unwhiten(white))
+    length = 1 << (4 * len(binned) - 1).bit_length()
+    power = np.abs(np.fft.rfft(binned, length)) ** 2
+    grid = 2.0 * math.pi * np.arange(len(power)) / (length * step)
+    usual = ndimage.median_filter(power, 401, mode="nearest")
+    power = np.where((grid >= lowest) & (grid <= highest), power / np.maximum(usual, 1e-6 * usual.max()), 0.0)
+    order = float(grid[int(np.argmax(power))])
+    waves = np.stack([np.cos(order * q), np.sin(order * q)], axis=1)
+    columns = balance.whiten(waves)
+    columns = columns - np.outer(constant, constant @ columns) / float(constant @ constant)
+    amplitudes = np.linalg.lstsq(columns, white, rcond=None)[0]
+    gain = float(white @ (columns @ amplitudes))
+    variance = (float(white @ white) - gain) / balance.effective_count
+    statistic = gain / variance
+    p_value = min(1.0, highest / lowest * float(stats.chi2.sf(statistic, 2)))
+    fitted = waves[balance.train] @ amplitudes
+    share = float(np.var(fitted) / max(np.var(residual[balance.train]), 1e-300))
+    share *= max(0.0, 1.0 - 2.0 / max(statistic, 2.0))
+    return 2.0 * math.pi / order, statistic, p_value, min(1.0, share)
+
+
+def _frequency(coarse: Coarse, residual: np.ndarray) -> AtlasEntry:
+    """The strongest line in the residual's spectrum, or its rise to low frequencies; the curve is it, N m per sqrt(Hz)."""
+    balance = coarse.balance
+    dt = balance.data.dt
+    t = balance.data.joined("t")
+    index = np.round((t - t.min()) / dt).astype(np.int64)
+    centred = np.where(balance.train, residual - residual[balance.train].mean(), 0.0)
+    series = np.bincount(index, centred)
+    length = len(series)
+    spectrum = np.fft.rfft(series)
+    grid = np.fft.rfftfreq(length, dt)
+    inside = (grid >= 2.0 / (length * dt)) & (grid <= balance.data.cutoff)
+    power, grid = np.abs(spectrum[inside]) ** 2, grid[inside]
+    width = min(101, 2 * (len(power) // 8) + 1)
+    usual = ndimage.median_filter(power, width, mode="reflect") / math.log(2.0)
+    ratio = power / np.maximum(usual, 1e-300)
+    peak = int(np.argmax(ratio))
+    statistic = float(ratio[peak])
+    p_value = float(-np.expm1(len(power) * np.log1p(-min(math.exp(-statistic), 1.0 - 1e-16))))
+    near = slice(max(0, peak - 2), peak + 3)
+    share = float(np.sum(np.maximum(power[near] - usual[near], 0.0)) / max(float(np.sum(power)), 1e-300))
+    half = 2.0 / (length * dt * max(float(balance.train.mean()), 1e-3))  # gaps widen a line
+    period: float | None = 1.0 / float(grid[peak])
+    where: tuple[float, float] | None = (float(grid[peak] - half), float(grid[peak] + half))
+    slow = slow_excess(coarse, residual, coarse.mean(residual - residual[balance.train].mean())[coarse.rows])
+    slow_share = slow.power / max(float(np.var(residual[balance.train])), 1e-300)
+    if slow.p_value < p_value or (slow.p_value < SURE and slow_share > share):
+        statistic, share, where, period = slow.statistic, slow_share, (0.0, slow.knee), None
+    p_value = min(1.0, 2.0 * min(p_value, slow.p_value))
+    if p_value > SURE:
+        share, where, period = 0.0, None, None
+    blocks = np.array_split(np.arange(len(power)), min(200, len(power)))
+    density = np.sqrt(2.0 * dt * np.array([power[b].mean() for b in blocks]) / max(balance.train.sum(), 1))
+    errors = np.array([1.96 / math.sqrt(4.0 * len(b)) for b in blocks])
+    return AtlasEntry(
+        "frequency",
+        "Hz",
+        statistic,
+        p_value,
+        min(1.0, share),
+        where,
+        period,
+        np.array([grid[b].mean() for b in blocks]),
+        density,
+        density * errors,
+    )
