@@ -26,8 +26,8 @@ from tcs_friction.nodes.bag_node import BagNode
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
 from tcs_friction.recording.bags import Bag
-from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.play import Message, first_time, in_log_order
+from tcs_friction.recording.definitions import Channel, full_name
+from tcs_friction.recording.play import Message, as_cdr, first_time, in_log_order
 from tcs_friction.recording.signals import nearest
 
 SECOND = 1_000_000_000
@@ -204,8 +204,9 @@ class PlayerNode(BagNode[PlayerConfig]):
             if not self.pace.wait(due):
                 return played
             publisher = self._publisher(channel)
-            if publisher is not None:
-                publisher.publish(payload)
+            message = as_cdr(channel, payload) if publisher is not None else None
+            if message is not None:
+                publisher.publish(message)
                 played += 1
                 self.count += 1
         return played
@@ -216,9 +217,9 @@ class PlayerNode(BagNode[PlayerConfig]):
 
     def _publisher(self, channel: Channel) -> Any:
         if channel not in self._outlets:
-            kind = message_class(channel.msgtype)
-            if kind is None or channel.encoding != "cdr":
-                self.get_logger().warning(f"{channel.topic} is not played: {channel.msgtype} ({channel.encoding}) not installed")
+            kind = message_class(full_name(channel.msgtype))
+            if kind is None or channel.encoding not in ("cdr", "ros1"):
+                self.get_logger().warning(f"{channel.topic} is not played: no {channel.msgtype} installed, or not cdr")
                 self._outlets[channel] = None
             else:
                 self._outlets[channel] = self.create_publisher(kind, channel.topic, publisher_profile(channel.qos))

@@ -23,6 +23,9 @@ from tcs_friction.recording.signals import SignalMap, SignalSource
 SLOW = 60_000_000_000
 """ns; over this long a temperature may be interpolated or held whatever its rate."""
 
+MOST = 0.5
+"""An optional signal that lacks more than this share of the samples is left out instead of cutting the recording down."""
+
 SIMULTANEOUS = 0.05
 """Share of a period by which clocks may disagree about one instant; without it rounding would delay by a period."""
 
@@ -167,6 +170,9 @@ def _usable(
         if needed:
             raise InputError(source, f"no finite {name} sample in {signal} within the recording", "at least 2")
         told.append(f"{name}: no finite sample in {signal} within the recording, left out")
+        return None
+    if not needed and bad > MOST * len(column):
+        told.append(f"{name}: {bad} of {len(column)} samples missing or not finite, signal left out")
         return None
     told.append(f"{name}: {bad} of {len(column)} samples missing or not finite, cut as gaps")
     fine &= finite

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Collection, Iterator
 
 import numpy as np
+from rosbags.interfaces.typing import Typesdict
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.decode import Batch
-from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.definitions import Channel, full_name, standard_types, types_of
 
 LOOK_AHEAD = 2_000_000_000
 """ns; messages that lie further from their place in the file than this come late."""
@@ -59,6 +64,27 @@ def _sorted(batches: list[Batch], begin: int) -> Iterator[Message]:
     for time, owner, place in zip(times[order].tolist(), owners[order].tolist(), places[order].tolist(), strict=True):
         batch = batches[owner]
         yield time, batch.channel, batch.payload(place)
+
+
+def as_cdr(channel: Channel, payload: bytes) -> bytes | None:
+    """A message as ROS 2 serialises it; None if it is of ROS 1 and does not fit its type."""
+    if channel.encoding == "cdr":
+        return payload
+    try:
+        return bytes(_converter(channel).ros1_to_cdr(payload, full_name(channel.msgtype)))
+    except SerdeError:
+        return None
+
+
+@functools.cache
+def _converter(channel: Channel) -> Typestore:
+    """The standard ROS 2 types, and what else the channel's type is made of."""
+    standard = standard_types().fielddefs
+    store = get_typestore(Stores.EMPTY)
+    store.register(standard)
+    own: Typesdict = {name: ([], list(fields)) for name, fields in types_of(channel).items() if name not in standard}
+    store.register(own)
+    return store
 
 
 def first_time(bag: Bag, topics: Collection[str] | None = None) -> int:

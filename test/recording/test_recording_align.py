@@ -110,6 +110,17 @@ def test_a_velocity_of_nothing_but_nan_is_no_velocity() -> None:
     assert len(recording) == 1000
 
 
+def test_an_optional_signal_that_is_mostly_missing_does_not_cost_the_recording() -> None:
+    columns = {"/state": state({POSITION: T, BESIDE: T}), "/wind": topic(WIND, T[:300], T[:300])}
+    recording = align(columns, SignalMap(POSITION, BESIDE, exogenous={"wind": WIND}), "bag")
+    assert len(recording) == 1000
+    assert "wind" not in recording.exogenous
+    assert any(note.startswith("wind: 690 of 1000 samples missing") for note in recording.notes)
+    columns["/wind"] = topic(WIND, T[:700], T[:700])
+    recording = align(columns, SignalMap(POSITION, BESIDE, exogenous={"wind": WIND}), "bag")
+    assert len(recording) == len(recording.exogenous["wind"]) == 710
+
+
 def test_a_torque_of_nothing_but_nan_is_an_error() -> None:
     columns = {"/state": state({POSITION: T, BESIDE: np.full(1000, np.nan)})}
     with pytest.raises(InputError, match="no finite torque sample"):

@@ -150,6 +150,17 @@ def test_big_endian_messages_decode() -> None:
     assert stamps[0] == 5_000_000_007
 
 
+def test_definitions_in_idl_are_understood() -> None:
+    text = "=" * 80 + "\nIDL: a/msg/B\nmodule a { module msg { struct B { sequence<double> list; long last; }; }; };\n"
+    raw = b"\0\1\0\0" + np.array([2, 0], "<u4").tobytes() + np.array([1.5, 2.5]).tobytes() + np.array([9], "<i4").tobytes()
+    batch = batch_of([raw], "cdr")
+    idl = Channel("/b", "a/msg/B", "cdr", text, "ros2idl")
+    values, _, stamps, good = Decoder(idl, [SignalSource("/b", "list[1]"), SignalSource("/b", "last")], "bag").decode(batch)
+    assert good.all()
+    assert stamps is None
+    assert values[:, 0].tolist() == [2.5, 9.0]
+
+
 def test_messages_that_do_not_fit_are_marked_and_the_rest_decoded() -> None:
     good = serialised("cdr", {
         "flag": False, "text": "", "big": 1, "pair": ((1, 2.0, ""), (3, 4.0, "")), "leaves": [], "small": 0,

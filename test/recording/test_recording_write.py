@@ -17,6 +17,8 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
+from recording_samples import ROS2, samples
+from recording_samples import write as sample_bag
 from rosbags.highlevel import AnyReader
 
 from tcs_friction.errors import InputError
@@ -24,7 +26,7 @@ from tcs_friction.recording import write
 from tcs_friction.recording.bags import Bag, read_recordings
 from tcs_friction.recording.encode import OWN_TYPES, channel_of, encoded, joint_states, typestore
 from tcs_friction.recording.mcap_write import McapWriter
-from tcs_friction.recording.play import first_time, in_log_order
+from tcs_friction.recording.play import as_cdr, first_time, in_log_order
 from tcs_friction.recording.record import BagRecorder, definition_text
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -236,6 +238,18 @@ def test_hash_of_a_type_is_what_ros_says() -> None:
     known = "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"  # sensor_msgs 5.3.6
     assert write.type_hash(channel_of("/x", name)) == known
     assert typestore().hash_rihs01(name) == known
+
+
+def test_ros1_messages_are_played_as_ros2_messages(tmp_path: Path) -> None:
+    messages = samples(5)
+    bag = sample_bag("bag", tmp_path / "bag", messages)
+    for (_, channel, payload), sample in zip(in_log_order(Bag(bag)), messages, strict=True):
+        raw = as_cdr(channel, payload)
+        assert raw is not None
+        message = ROS2.deserialize_cdr(raw, "sensor_msgs/msg/JointState")
+        assert message.position[0] == sample.values[0]
+        assert message.header.stamp.nanosec == sample.stamp % 10**9
+        assert as_cdr(channel, payload[:-3]) is None
 
 
 def test_playing_order_is_that_of_the_log_across_chunks_and_topics(tmp_path: Path) -> None:
