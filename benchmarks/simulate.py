@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _compare(name: str, axis: Axis, torque: Array, period: float) -> list[dict[str, Any]]:
     """Ours and scipy's fastest way that is as accurate."""
-    ends: Array = TICK * np.arange(1, round(len(torque) * period / TICK) + 1)
+    ends: Array = np.asarray(TICK * np.arange(1, round(len(torque) * period / TICK) + 1), dtype=np.float64)
     held = torque if period == TICK else np.zeros(0)
     truth = _scipy(held, "DOP853", 1e-11, ends, restart=len(held) > 0)
     every = round(TICK / period)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -33,6 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Make the experiments and the report."""
     if arguments.seed < 0:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
+    _make_directory(arguments.output)
     file, reference = load_axis(shipped(AXIS)), load_reference(shipped(RUN))
     stand = Stand(file, reference, arguments.seed)
     result = measure(stand, _progress if sys.stderr.isatty() else lambda _what, _share: None)
@@ -48,6 +50,16 @@ def run(arguments: argparse.Namespace) -> None:
         theirs = "" if row.paper is None else f"paper {row.paper:.4g} {row.unit}"
         print(f"{row.name:52} {row.value:8.4g} {row.unit:4} {theirs}".rstrip())
     print(path)
+
+
+def _make_directory(path: Path) -> None:
+    """Refuse a place that cannot be written to before the work, not after it."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be made ({error.strerror})", "a directory to write to") from None
+    if not os.access(path, os.W_OK):
+        raise InputError(str(path), "cannot be written to", "a directory to write to")
 
 
 def _progress(what: str, part: float) -> None:

@@ -73,7 +73,12 @@ def run(arguments: argparse.Namespace) -> None:
         {name: exogenous[name] for name in wanted_signals(file)},
     )
     recording = recorded(loop, temperature, exogenous)
-    write_recording(arguments.output, recording, signals)
+    try:
+        write_recording(arguments.output, recording, signals)
+    except OSError as error:
+        raise InputError(
+            str(arguments.output), f"cannot be written ({error.strerror})", "a place for a bag"
+        ) from None
     _tell(arguments, loop, control, signals, notes)
 
 

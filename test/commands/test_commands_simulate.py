@@ -146,3 +146,10 @@ def test_existing_bag_is_not_touched(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(arguments) == 2
     assert "exists already" in capsys.readouterr().err
     assert list((tmp_path / "bag").iterdir()) == []
+
+
+def test_place_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = files(tmp_path)
+    arguments[-1] = str(tmp_path / "axis.yaml" / "bag")
+    assert main(arguments) == 2
+    assert "cannot be written" in capsys.readouterr().err

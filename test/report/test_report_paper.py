@@ -136,3 +136,11 @@ def test_command_writes_every_table_and_figure(
 def test_bad_seed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["paper", "--seed", "-1"]) == 2
     assert "--seed" in capsys.readouterr().err
+
+
+def test_directory_that_cannot_be_made_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert main(["paper", "-o", str(tmp_path / "file" / "out")]) == 2
+    assert "cannot be made" in capsys.readouterr().err
