@@ -17,7 +17,7 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction.errors import JobError
 from tcs_friction.nodes import graph
 from tcs_friction.nodes.commission import Commission
-from tcs_friction.nodes.executor import make_executor, spin
+from tcs_friction.nodes.executor import close, make_executor, spin
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.report.commission import CommissionResult
 
@@ -61,8 +61,7 @@ def commission(
         try:
             spin(executor, done)
         finally:
-            for item in together:
-                item.destroy_node()
+            close(executor, together)
         if not done.done():
             raise KeyboardInterrupt
         if done.exception() is not None:

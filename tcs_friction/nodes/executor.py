@@ -44,6 +44,15 @@ def spin(executor: Any, done: Future | None = None) -> None:
             raise
 
 
+def close(executor: Any, nodes: Sequence[Node]) -> None:
+    """Destroy nodes with their executor, which would otherwise go on to collect events for them, and shut ROS down."""
+    for node in nodes:
+        executor.remove_node(node)
+        node.destroy_node()
+    executor.shutdown()
+    rclpy.try_shutdown()
+
+
 def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Make nodes, run them on one executor until SIGINT or SIGTERM, and return the exit status.
 
@@ -55,8 +64,8 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.done() or stop.set_result(None))
     nodes: list[Node] = []
+    executor = make_executor()
     try:
-        executor = make_executor()
         for factory in factories:
             nodes.append(factory())
             executor.add_node(nodes[-1])
@@ -67,7 +76,5 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
         print(f"tcs-friction: {error}", file=sys.stderr)
         return error.exit_status
     finally:
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        close(executor, nodes)
     return 0

@@ -1,0 +1,224 @@
+"""Fixtures of the tests that need ROS: a private domain, nodes on one executor, nodes in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+pytest.importorskip("tcs_friction_msgs", reason="the workspace is not built")
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def wait_until(ready: Callable[[], bool], limit: float = 30.0) -> bool:
+    """Poll a condition; whether it came true within the limit (s)."""
+    deadline = time.monotonic() + limit
+    while time.monotonic() < deadline:
+        if ready():
+            return True
+        time.sleep(0.05)
+    return ready()
+
+
+class Together:
+    """Nodes of the graph on one executor in this process."""
+
+    def __init__(self, arguments: Sequence[str], names: Sequence[str]) -> None:
+        import rclpy
+
+        from tcs_friction.nodes.executor import make_executor
+        from tcs_friction.nodes.graph import arguments_for, factory
+
+        reference = "azimuth_1p2m_run.yaml"
+        rclpy.init(args=["test", *arguments_for("azimuth_1p2m.yaml", reference, arguments)])
+        self.executor = make_executor()
+        self.nodes: dict[str, Any] = {}
+        for name in names:
+            self.nodes[name] = factory(name)()
+            self.executor.add_node(self.nodes[name])
+        self.driver = rclpy.create_node("driver", namespace="azimuth")
+        self.executor.add_node(self.driver)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.nodes[name]
+
+    def until(self, ready: Callable[[], bool], limit: float = 60.0) -> bool:
+        """Spin until a condition holds; whether it did within the limit (s)."""
+        from rclpy.task import Future
+
+        from tcs_friction.nodes.executor import spin
+
+        done, deadline = Future(), time.monotonic() + limit
+
+        def look() -> None:
+            if not done.done() and (ready() or time.monotonic() > deadline):
+                done.set_result(None)
+
+        timer = self.driver.create_timer(0.02, look)
+        spin(self.executor, done)
+        self.driver.destroy_timer(timer)
+        return ready()
+
+    def for_seconds(self, seconds: float) -> None:
+        """Spin for a while."""
+        end = time.monotonic() + seconds
+        self.until(lambda: time.monotonic() > end)
+
+    def result(self, coroutine: Any, limit: float = 60.0) -> Any:
+        """Run a coroutine on the executor and return what it returns."""
+        from rclpy.task import Future
+
+        done = Future()
+
+        async def work() -> None:
+            try:
+                done.set_result(await coroutine)
+            except Exception as error:
+                done.set_exception(error)
+
+        self.executor.create_task(work)
+        assert self.until(done.done, limit), "the coroutine did not finish in time"
+        if done.exception() is not None:
+            raise done.exception()
+        return done.result()
+
+    def close(self) -> None:
+        from tcs_friction.nodes.executor import close
+
+        close(self.executor, [*self.nodes.values(), self.driver])
+
+
+@pytest.fixture
+def together() -> Iterator[Callable[..., Together]]:
+    """Makes a graph in this process: `together("-p", "seed:=1", nodes=LOOP)`; once a test."""
+    import rclpy
+
+    made: list[Together] = []
+
+    def make(*arguments: str, nodes: Sequence[str] = ()) -> Together:
+        from tcs_friction.nodes.graph import LOOP
+
+        try:
+            made.append(Together(arguments, nodes or LOOP))
+        except Exception:
+            rclpy.try_shutdown()
+            raise
+        return made[0]
+
+    yield make
+    for graph in made:
+        graph.close()
+
+
+class Processes:
+    """Nodes as a user starts them by hand, each a real process."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, *arguments: str) -> None:
+        command = [sys.executable, "-P", "-m", "tcs_friction.cli", "node", name, "--ros-args", *arguments]
+        log = (self._folder / f"{name}.log").open("ab")
+        env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
+        self._processes[name] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
+        log.close()
+
+    def kill(self, name: str) -> None:
+        """The hard way."""
+        self._processes[name].send_signal(signal.SIGKILL)
+        self._processes.pop(name).wait()
+
+    def alive(self, name: str) -> bool:
+        return self._processes[name].poll() is None
+
+    def log(self, name: str) -> str:
+        return (self._folder / f"{name}.log").read_text()
+
+    def close(self) -> None:
+        for process in self._processes.values():
+            process.terminate()
+        for process in self._processes.values():
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Processes]:
+    """Starts and kills nodes in processes of their own; the rest is ended afterwards."""
+    made = Processes(tmp_path)
+    yield made
+    made.close()
+
+
+class Listener:
+    """Hears joint states and diagnostics of a graph elsewhere, in a thread."""
+
+    def __init__(self) -> None:
+        import threading
+
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.executors import SingleThreadedExecutor
+        from sensor_msgs.msg import JointState
+
+        from tcs_friction.nodes.qos import COLLECT
+        from tcs_friction.nodes.wire import JointWire
+
+        self.states: list[tuple[float, ...]] = []
+        self.health: dict[str, tuple[int, str]] = {}
+        self._wire = JointWire("azimuth")
+        rclpy.init(args=["listener"])
+        self.node = rclpy.create_node("listener", namespace="azimuth")
+        self.node.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def _on_state(self, data: bytes) -> None:
+        state = self._wire.read(data)
+        if not self.states or state[0] != self.states[-1][0]:
+            self.states.append(state)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            level = status.level[0] if isinstance(status.level, bytes) else status.level
+            self.health[status.name.rpartition("/")[2]] = (int(level), status.message)
+
+    def close(self) -> None:
+        import rclpy
+
+        self._stop.set()
+        self._thread.join()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    """A pair of ears on the graph of this test."""
+    made = Listener()
+    yield made
+    made.close()

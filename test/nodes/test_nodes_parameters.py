@@ -1,0 +1,114 @@
+"""Parameters: declared with description, unit and range; changed at run time; bad values refused whole, with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from rclpy.parameter import Parameter
+
+from tcs_friction.errors import InputError
+from tcs_friction.nodes import parameters
+from tcs_friction.nodes.controller import ControllerConfig
+from tcs_friction.nodes.dob import DobNodeConfig
+from tcs_friction.nodes.graph import CLASSES, GRAPH
+from tcs_friction.nodes.reference import ReferenceConfig
+
+OF_ROS = ("axis", "use_sim_time", "start_type_description_service")
+
+
+def test_nested_settings_have_dotted_names() -> None:
+    flat = parameters.flatten(DobNodeConfig())
+    assert flat["plant.first"][0].unit == "kg m^2"
+    assert "switch1" in flat
+    assert parameters.flatten(ReferenceConfig())["sinusoid.amplitude"][1] > 0.0
+
+
+def test_a_change_leaves_the_rest_alone() -> None:
+    before = DobNodeConfig()
+    after = parameters.changed(before, {"plant.first": 5, "bandwidth": 3.0})
+    assert (after.plant.first, after.bandwidth) == (5.0, 3.0)
+    assert isinstance(after.plant.first, float)
+    assert (after.plant.constant, before.plant.first) == (before.plant.constant, 1000.0)
+
+
+@pytest.mark.parametrize("name", GRAPH)
+def test_every_parameter_is_described(together: Callable[..., Any], name: str) -> None:
+    graph = together(nodes=[name])
+    node = graph[name]
+    names = [entry for entry in node._parameters if entry not in OF_ROS and not entry.startswith("qos")]
+    flat = parameters.flatten(node.config)
+    assert sorted(names) == sorted(flat)
+    for entry, (declared, _) in flat.items():
+        described = node.describe_parameter(entry)
+        assert described.description
+        assert declared.unit in described.description
+        if isinstance(declared.default, float):
+            (span,) = described.floating_point_range
+            assert (span.from_value, span.to_value) == (declared.lower, declared.upper)
+    assert node.describe_parameter("axis").description
+    assert CLASSES[name] == type(node).__name__
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("velocity_proportional", float("nan"), "velocity_proportional"),
+        ("velocity_proportional", -1.0, "velocity_proportional"),
+        ("torque_limit", float("inf"), "torque_limit"),
+        ("clock", "sundial", "lock_step"),
+        ("feed_back", 3, "BOOL"),
+        ("axis", "nowhere.yaml", "no such file"),
+    ],
+)
+def test_a_bad_value_is_refused_with_the_reason(
+    together: Callable[..., Any], name: str, value: object, reason: str
+) -> None:
+    node = together(nodes=["controller"])["controller"]
+    before = node.config
+    result = node.set_parameters([Parameter(name, value=value)])[0]
+    assert not result.successful
+    assert reason in result.reason
+    assert node.config == before
+
+
+def test_changes_are_applied_whole_or_not_at_all(together: Callable[..., Any]) -> None:
+    node = together(nodes=["controller"])["controller"]
+    before = node.config
+    both = [Parameter("position_proportional", value=7.0), Parameter("clock", value="sundial")]
+    assert not node.set_parameters_atomically(both).successful
+    assert node.config == before
+    both[1] = Parameter("velocity_integral", value=5)
+    assert node.set_parameters_atomically(both).successful
+    assert (node.config.position_proportional, node.config.velocity_integral) == (7.0, 5.0)
+    assert node._pid.config.position_proportional == 7.0
+
+
+def test_another_axis_file_brings_its_own_values(together: Callable[..., Any], tmp_path: Any) -> None:
+    axis = tmp_path / "axis.yaml"
+    axis.write_text(
+        "axis: {name: azimuth, inertia: 10.0, friction: {law: coulomb_viscous, coulomb: 1.0, viscous: 2.0}}\n"
+        "control: {controller: {position_proportional: 3.0}}\n"
+    )
+    node = together(nodes=["controller"])["controller"]
+    assert node.set_parameters([Parameter("axis", value=str(axis))])[0].successful
+    assert node.config.position_proportional == 3.0
+    assert node.get_parameter("position_proportional").value == 3.0
+
+
+def test_a_bad_value_at_the_start_is_an_input_error(together: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match=r"controller: parameter.*torque_limit"):
+        together("-p", "torque_limit:=-5.0", nodes=["controller"])
+
+
+def test_a_missing_axis_file_is_an_input_error(together: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.yaml: no such file"):
+        together("-p", "axis:=nowhere.yaml", nodes=["controller"])
+
+
+def test_defaults_come_from_the_axis_file(together: Callable[..., Any]) -> None:
+    graph = together(nodes=["controller", "plant"])
+    assert graph["controller"].config.position_proportional == 32.7
+    assert isinstance(graph["controller"].config, ControllerConfig)
+    assert graph["plant"].config.command_limit == 1e4

@@ -1,0 +1,94 @@
+"""Real processes and real kills: what is left stays sound, says what is missing, and goes on when the node is back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import wait_until
+from test_nodes_lockstep import offline
+
+from tcs_friction.nodes.graph import LOOP
+
+ERROR = 2
+ARGUMENTS = ("-p", "axis:=azimuth_1p2m.yaml", "-p", "reference_file:=azimuth_1p2m_run.yaml", "-p", "time_limit:=1.0")
+
+
+def start(processes: Any, *arguments: str, names: tuple[str, ...] = LOOP) -> None:
+    for name in names:
+        processes.start(name, *ARGUMENTS, *arguments)
+
+
+def test_processes_compute_what_one_process_computes(processes: Any, listener: Any) -> None:
+    start(processes, "-p", "run_until:=0.8", "-p", "switch1:=true", "-p", "switch3:=true")
+    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] >= 800_000_000, 90.0), processes.log("plant")
+    loop = offline("lugre", duration=0.8)
+    heard = {state[0]: state[1:] for state in listener.states}
+    expected = {
+        round(t * 1e9): (q, v, u) for t, q, v, u in zip(loop.t, loop.position, loop.velocity, loop.torque, strict=True)
+    }
+    assert len(heard) > 700  # the listener may have joined late
+    assert all(values == expected[stamp] for stamp, values in heard.items())
+
+
+@pytest.mark.parametrize(
+    ("victim", "witness", "words"),
+    [
+        ("dob", "controller", "friction_estimate"),
+        ("lugre_compensator", "controller", "friction_compensation"),
+        ("reference", "controller", "reference"),
+        ("controller", "plant", "torque_command"),
+    ],
+)
+def test_a_killed_node_is_named_and_the_run_goes_on_when_it_is_back(
+    processes: Any, listener: Any, victim: str, witness: str, words: str
+) -> None:
+    start(processes, "-p", "switch1:=true")
+    assert wait_until(lambda: len(listener.states) > 200, 90.0)
+    processes.kill(victim)
+    assert wait_until(lambda: listener.health.get(witness, (0, ""))[0] == ERROR, 30.0), listener.health
+    assert words in listener.health[witness][1]
+    stopped = len(listener.states)
+    assert all(processes.alive(name) for name in LOOP if name != victim)
+    processes.start(victim, *ARGUMENTS, "-p", "switch1:=true")
+    assert wait_until(lambda: len(listener.states) > stopped + 200, 60.0), listener.health
+    stamps = np.diff([state[0] for state in listener.states])
+    assert stamps.min() > 0, "the clock must not go back when the plant lived"
+    assert wait_until(lambda: listener.health[witness][0] != ERROR, 10.0)
+    assert all(np.isfinite(state[1:]).all() for state in listener.states)
+
+
+def test_a_plant_that_is_back_starts_a_new_run(processes: Any, listener: Any) -> None:
+    start(processes)
+    assert wait_until(lambda: len(listener.states) > 200, 90.0)
+    processes.kill("plant")
+    before = len(listener.states)
+    processes.start("plant", *ARGUMENTS)
+    assert wait_until(lambda: len(listener.states) > before + 200, 60.0), listener.health
+    stamps = [state[0] for state in listener.states]
+    back = next(i for i in range(1, len(stamps)) if stamps[i] < stamps[i - 1])
+    loop = offline()
+    for state in listener.states[back : back + 100]:
+        index = round(state[0] / 1e6)
+        assert state[1:] == (loop.position[index], loop.velocity[index], loop.torque[index])
+    assert all(processes.alive(name) for name in LOOP)
+
+
+def test_in_real_time_a_plant_without_commands_holds_zero_torque(processes: Any, listener: Any) -> None:
+    start(processes, "-p", "clock:=real_time", "-p", "period:=0.01", "-p", "watchdog:=0.2", names=LOOP)
+    assert wait_until(lambda: any(state[3] != 0.0 for state in listener.states[-50:]), 90.0), listener.health
+    processes.kill("controller")
+    assert wait_until(lambda: len(listener.states) > 50 and not any(state[3] for state in listener.states[-20:]), 30.0)
+    assert wait_until(lambda: "zero torque" in listener.health.get("plant", (0, ""))[1], 10.0)
+    processes.start("controller", *ARGUMENTS, "-p", "clock:=real_time", "-p", "period:=0.01")
+    assert wait_until(lambda: any(state[3] != 0.0 for state in listener.states[-20:]), 60.0)
+
+
+def test_in_real_time_a_controller_without_reference_commands_zero_torque(processes: Any, listener: Any) -> None:
+    start(processes, "-p", "clock:=real_time", "-p", "period:=0.01", names=LOOP)
+    assert wait_until(lambda: any(state[3] != 0.0 for state in listener.states[-50:]), 90.0), listener.health
+    processes.kill("reference")
+    assert wait_until(lambda: len(listener.states) > 50 and not any(state[3] for state in listener.states[-20:]), 30.0)
+    assert wait_until(lambda: "no reference" in listener.health.get("controller", (0, ""))[1], 10.0)
+    assert listener.health["controller"][0] == ERROR
