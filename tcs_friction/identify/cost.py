@@ -15,6 +15,7 @@ from tcs_friction.identify.problem import Problem
 from tcs_friction.physics.terms import Parameter, Role
 
 SEARCH_POINTS = 6000  # a global search looks at about so many
+FASTEST_DROP = 1.5  # times the top speed: a Stribeck velocity above cannot be told from viscous friction
 FAR = 1e30  # travel that saturates any bristle
 
 
@@ -119,25 +120,41 @@ def scales(problem: Problem, inertia: float) -> Scales:
 
 
 def law_box(parameters: tuple[Parameter, ...], size: Scales) -> Box:
-    """Bounds of a law's parameters from their units and the sizes in the data, within their declared bounds."""
+    """Where a search looks for a law's parameters: from their units and the sizes in the data, within their declared bounds."""
     ranges: Mapping[str, tuple[float, float, bool]] = {
-        "N m": (0.02 * size.torque, 3.0 * size.torque, True),
-        "rad/s": (size.slow, 0.6 * size.velocity, True),
-        "rad": (1e-5 * size.travel, size.travel, True),
-        "N m/rad": (0.3 * size.torque / size.travel, 3e4 * size.torque / size.travel, True),
-        "N m s/rad": (0.0, 3.0 * size.torque / size.velocity, False),
-        "s": (0.1 * size.travel / size.velocity * 1e-3, 10.0 * size.travel / size.velocity, True),
+        "N m": (0.1 * size.torque, 2.0 * size.torque, True),
+        "rad/s": (size.slow, FASTEST_DROP * size.velocity, True),
+        "rad": (1e-4 * size.travel, size.travel, True),
+        "N m/rad": (0.3 * size.torque / size.travel, 3e3 * size.torque / size.travel, True),
+        "N m s/rad": (0.0, size.torque / size.velocity, False),
+        "damping": (0.01 * size.torque / size.velocity, 100.0 * size.torque / size.velocity, True),
     }
-    rows = []
+    return _bounded(parameters, ranges)
+
+
+def widest(parameters: tuple[Parameter, ...], size: Scales) -> Box:
+    """Bounds beyond which the data cannot tell one value from another: where a refined parameter ends up that they do not determine."""
+    ranges: Mapping[str, tuple[float, float, bool]] = {
+        "N m": (0.02 * size.torque, 5.0 * size.torque, True),
+        "rad/s": (0.3 * size.slow, FASTEST_DROP * size.velocity, True),
+        "rad": (1e-6 * size.travel, 3.0 * size.travel, True),
+        "N m/rad": (0.1 * size.torque / size.travel, 1e5 * size.torque / size.travel, True),
+        "N m s/rad": (0.0, np.inf, False),
+    }
+    return _bounded(parameters, ranges)
+
+
+def _bounded(parameters: tuple[Parameter, ...], ranges: Mapping[str, tuple[float, float, bool]]) -> Box:
+    lower, upper, logarithmic = [], [], []
     for parameter in parameters:
         default = parameter.default if parameter.default is not None else 0.0
         fallback = (max(parameter.lower, default - 1.0), min(parameter.upper, default + 1.0), False)
-        lower, upper, logarithmic = ranges.get(parameter.unit, fallback)
-        if parameter.name == "damping":  # up to a well damped bristle at the slowest motion
-            upper = size.torque / size.slow
-        rows.append((max(lower, parameter.lower), max(min(upper, parameter.upper), lower), logarithmic))
-    lower, upper, logarithmic = (np.array(column) for column in zip(*rows, strict=True))
-    return Box(tuple(p.name for p in parameters), lower, upper, logarithmic.astype(bool))
+        key = parameter.name if parameter.name in ranges else parameter.unit
+        low, high, by_magnitude = ranges.get(key, fallback)
+        lower.append(max(low, parameter.lower))
+        upper.append(max(min(high, parameter.upper), lower[-1]))
+        logarithmic.append(by_magnitude)
+    return Box(tuple(p.name for p in parameters), np.array(lower), np.array(upper), np.array(logarithmic))
 
 
 class ShapeCost:
@@ -157,7 +174,7 @@ class ShapeCost:
         self._power = float(self._points.weight @ self._target**2)
         size = scales(problem, float(start[problem.inertia_index]))
         lower = np.array([1e-5 * size.travel, 1.0, size.slow])
-        upper = np.array([size.travel, 6.0, 0.6 * size.velocity])
+        upper = np.array([size.travel, 6.0, FASTEST_DROP * size.velocity])
         self.box = Box(("distance", "ratio", "stribeck_velocity"), lower, upper, np.full(3, True))
 
     def _solved(self, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

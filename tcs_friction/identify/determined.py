@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from tcs_friction.identify.uncertainty import sandwich
 
 LARGEST_RELATIVE = 0.5  # relative standard deviation above which a number would mean nothing
 NEGLIGIBLE = 0.02  # of the torque's size: a parameter whose uncertainty matters less is known well enough
+LEAST_EFFECT = 1e-6  # of the torque's size: a parameter that moves less than this does not act at all
 PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
 
 
@@ -48,7 +49,7 @@ def judge(
     for _ in range(4):
         held = np.isin(np.arange(len(unknowns)), list(reasons))
         if polish:
-            unknowns = _with_believed(problem, unknowns, reasons, believed)
+            unknowns = _with_believed(problem, unknowns, space, reasons, believed)
         current = space.holding(held)
         refined = refine(
             problem.linearised, problem.torque, problem.target, problem.weights, unknowns,
@@ -61,6 +62,10 @@ def judge(
             break
         reasons.update(more)
         reasons.update(_companions(problem, reasons))
+    names = problem.names
+    if "static" in names and names.index("static") in reasons and "static" not in believed:
+        unknowns[names.index("static")] = unknowns[names.index("coulomb")]
+        refined = replace(refined, unknowns=unknowns)
     return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons))
 
 
@@ -88,8 +93,9 @@ def _beforehand(problem: Problem, space: Space) -> dict[int, str]:
 
 
 def _with_believed(
-    problem: Problem, unknowns: np.ndarray, reasons: Mapping[int, str], believed: Mapping[str, float]
+    problem: Problem, unknowns: np.ndarray, space: Space, reasons: Mapping[int, str], believed: Mapping[str, float]
 ) -> np.ndarray:
+    """Undetermined unknowns as believed; where nothing is, so that they act as little as can be."""
     result = unknowns.copy()
     for k in reasons:
         if k == problem.inertia_index:
@@ -98,8 +104,8 @@ def _with_believed(
             result[k] = 0.0
         elif problem.names[k] in believed:
             result[k] = believed[problem.names[k]]
-        elif problem.names[k] == "static":
-            result[k] = result[problem.names.index("coulomb")]
+        elif problem.names[k] == "stribeck_velocity":
+            result[k] = space.lower[k]  # so slow that the drop is over whenever the axis moves
         elif problem.names[k] == "damping":
             result[k] = 0.0
     return result
@@ -116,28 +122,38 @@ def _companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:
 def _undetermined(problem: Problem, refined: Refined, space: Space, size: float) -> dict[int, str]:
     """The least determined unknown of a fit, if it means nothing: one at a time, since holding one may save the others."""
     index = np.flatnonzero(space.free)
-    if not len(index):
-        return {}
     covariance = sandwich(refined.jacobian[:, index], refined.residual, refined.weights)
+    falling = _still_falling(problem, refined, space)
+    if falling:
+        return falling
     worst, which = LARGEST_RELATIVE, -1
-    for k, variance in zip(index, np.diag(covariance), strict=True):
-        if k >= problem.law_size + 1:
+    for k, variance in zip(index.tolist(), np.diag(covariance), strict=True):
+        if k > problem.inertia_index:
             continue
-        value = abs(refined.unknowns[k])
-        if space.logarithmic[k] and not space.lower[k] * 1.001 < value < space.upper[k] / 1.001:
-            return {int(k): _reason(problem, int(k), refined)}
+        value, std = abs(refined.unknowns[k]), float(np.sqrt(max(variance, 0.0)))
+        at_bound = not space.lower[k] * 1.001 < value < space.upper[k] / 1.001
         acting = float(np.abs(refined.jacobian[:, k]).max())
-        std = float(np.sqrt(max(variance, 0.0)))
-        if acting * max(value, std) < 1e-6 * size:
-            return {int(k): _reason(problem, int(k), refined)}
+        if (space.logarithmic[k] and at_bound) or acting * max(value, std) < LEAST_EFFECT * size:
+            return {k: _reason(problem, k)}
         matters = space.logarithmic[k] or acting * std > NEGLIGIBLE * size
         relative = std / max(value, 1e-300)
         if matters and relative > worst:
-            worst, which = relative, int(k)
-    return {which: _reason(problem, which, refined)} if which >= 0 else {}
+            worst, which = relative, k
+    return {which: _reason(problem, which)} if which >= 0 else {}
 
 
-def _reason(problem: Problem, k: int, refined: Refined) -> str:
+def _still_falling(problem: Problem, refined: Refined, space: Space) -> dict[int, str]:
+    """A Coulomb torque of nothing: the whole friction has been taken for a Stribeck drop that outlasts the top speed."""
+    names = problem.names
+    if "coulomb" not in names or "stribeck_velocity" not in names:
+        return {}
+    coulomb, drop = names.index("coulomb"), names.index("stribeck_velocity")
+    if space.free[drop] and refined.unknowns[coulomb] < 1.01 * space.lower[coulomb]:
+        return {drop: "the torque still falls at the top speed, which cannot be told from viscous friction"}
+    return {}
+
+
+def _reason(problem: Problem, k: int) -> str:
     name = problem.names[k]
     if name == "inertia":
         return "the axis hardly accelerates"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcs_friction.identify.cost import law_box, scales
+from tcs_friction.identify.cost import scales, widest
 from tcs_friction.identify.problem import MOST_INITIAL_STATES, Problem
 from tcs_friction.identify.refine import Space
 from tcs_friction.physics.terms import Role
@@ -37,7 +37,7 @@ def space_of(problem: Problem, free_inertia: bool, free_offset: bool) -> Space:
     parameters = problem.axis.friction.term.parameters
     states = len(problem.motion.bounds) - 1
     free_states = hasattr(problem.model, "_bounds") and states <= MOST_INITIAL_STATES
-    box = law_box(parameters, scales(problem, problem.axis.inertia))
+    box = widest(parameters, scales(problem, problem.axis.inertia))
     lower = np.array([*np.where(box.logarithmic, box.lower, [p.lower for p in parameters]), 1e-300, -np.inf, *[-np.inf] * states])
     upper = np.array([*np.where(box.logarithmic, box.upper, [p.upper for p in parameters]), np.inf, np.inf, *[np.inf] * states])
     logarithmic = np.array([*(p.lower > 0.0 for p in parameters), True, False, *[False] * states])

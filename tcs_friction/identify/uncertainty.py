@@ -6,8 +6,6 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.signal import fftconvolve
 
-LEAST_EFFECT = 1e-7  # of the largest column: below, a parameter does not act at all
-
 
 def correlation_length(residual: np.ndarray) -> int:
     """Samples after which the residual (m,) has forgotten itself: three times its integrated correlation time, at most m/8."""
