@@ -2,8 +2,8 @@
 
 Every coordinate is cut into bins of equal data; the means of all bins are one regression on whitened chunk means, so that
 autocorrelated noise gives uniform p-values without permutations. Periods come from spectra over position and time, with
-their number of independent orders as Bonferroni's factor. A constant belongs to no coordinate: it shows in the curves,
-not in the statistics.
+their number of independent orders as Bonferroni's factor. A constant belongs to no coordinate but the direction: it
+shows in the other curves, not in their statistics.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy import ndimage, stats
@@ -121,6 +120,8 @@ def _entry(
     means = regress(columns, white)
     constant = coarse.whiten(np.ones(coarse.count))
     constant = constant / np.linalg.norm(constant)
+    if name == "direction":  # equal friction both ways has been fitted: what they share is the asymmetry
+        constant = 0.0 * constant
     fit = regress(columns - np.outer(constant, constant @ columns), white - constant * (constant @ white))
     deviation = np.sqrt(np.diag(means.covariance))
     keep = counts[counts > 0] >= 2 * coarse.width if name != "direction" else centres != 0.0
@@ -129,7 +130,7 @@ def _entry(
         unit,
         fit.statistic,
         math.exp(fit.log_p),
-        _share(raw[coarse.rows], fit, residual[coarse.balance.train]),
+        _share(raw[coarse.rows], fit, residual[coarse.balance.train], name != "direction"),
         _range(edges[:-1][counts > 0], edges[1:][counts > 0], means) if fit.log_p < math.log(SURE) else None,
         None,
         centres[keep],
@@ -158,12 +159,12 @@ def _quiet_edges(x: np.ndarray, bins: int, window: int) -> np.ndarray:
     return np.array([*edges, quantiles[-1]])
 
 
-def _share(raw: np.ndarray, fit: Regression, residual: np.ndarray) -> float:
-    """Power of the fitted bin means less what noise puts there, over that of the residual; both without their constant."""
-    centred = raw - raw.mean(axis=0)
+def _share(raw: np.ndarray, fit: Regression, residual: np.ndarray, centre: bool) -> float:
+    """Power of the fitted bin means less what noise puts there, over that of the residual; without their constant if wanted."""
+    centred = raw - raw.mean(axis=0) if centre else raw
     power = float(np.mean((centred @ fit.coefficients) ** 2))
     noise = float(np.sum(fit.covariance * (centred.T @ centred))) / len(raw)
-    total = max(float(np.var(residual)), 1e-300)
+    total = max(float(np.var(residual) if centre else np.mean(residual**2)), 1e-300)
     return min(1.0, max(0.0, (power - noise) / total))
 
 
@@ -189,14 +190,9 @@ def _with_period(balance: Balance, entry: AtlasEntry, residual: np.ndarray) -> A
     own.estimate_noise(residual)
     period, statistic, p_value, share = _position_line(own, residual)
     combined = min(1.0, 2.0 * min(entry.p_value, p_value))
-    if p_value > entry.p_value and (p_value > SURE or share < 0.5 * entry.share):
+    if p_value > SURE or share < entry.share:
         return replace(entry, p_value=combined)
-    if share < entry.share:
-        statistic, share = entry.statistic, entry.share
-    changes: dict[str, Any] = {"p_value": combined, "statistic": statistic, "share": share}
-    if p_value < SURE:
-        changes |= {"period": period, "range": None}
-    return replace(entry, **changes)
+    return replace(entry, p_value=combined, statistic=statistic, share=share, period=period, range=None)
 
 
 def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float, float, float]:
@@ -220,7 +216,9 @@ def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float
     grid = 2.0 * math.pi * np.arange(len(power)) / (length * step)
     usual = ndimage.median_filter(power, 401, mode="nearest")
     power = np.where((grid >= lowest) & (grid <= highest), power / np.maximum(usual, 1e-6 * usual.max()), 0.0)
-    order = float(grid[int(np.argmax(power))])
+    nearby = float(grid[int(np.argmax(power))]) + lowest * np.linspace(-0.2, 0.2, 21)
+    sums = np.abs(np.exp(1j * np.outer(nearby, step * np.arange(len(binned)))) @ binned)
+    order = float(nearby[int(np.argmax(sums))])
     waves = np.stack([np.cos(order * q), np.sin(order * q)], axis=1)
     columns = balance.whiten(waves)
     columns = columns - np.outer(constant, constant @ columns) / float(constant @ constant)
@@ -253,7 +251,8 @@ def _frequency(coarse: Coarse, residual: np.ndarray) -> AtlasEntry:
     ratio = power / np.maximum(usual, 1e-300)
     peak = int(np.argmax(ratio))
     statistic = float(ratio[peak])
-    p_value = float(-np.expm1(len(power) * np.log1p(-min(math.exp(-statistic), 1.0 - 1e-16))))
+    tail = (1.0 + 2.0 * statistic / width) ** (-0.5 * width)  # exponential, but for the noise of `usual`
+    p_value = float(-np.expm1(len(power) * np.log1p(-min(tail, 1.0 - 1e-16))))
     near = slice(max(0, peak - 2), peak + 3)
     share = float(np.sum(np.maximum(power[near] - usual[near], 0.0)) / max(float(np.sum(power)), 1e-300))
     half = 2.0 / (length * dt * max(float(balance.train.mean()), 1e-3))  # gaps widen a line

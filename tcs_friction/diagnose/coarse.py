@@ -45,7 +45,10 @@ class Coarse:
         self.samples = (self.begins[:, None] + np.arange(self.width)).ravel()
         self.count = len(self.begins)
         order = min(ORDER, max(1, self.count // 40))
-        self.filter = _autoregression(*balance.noise_spectrum(residual), dt, self.width, order)
+        frequency, power = balance.noise_spectrum(residual)
+        few = len(power) // 32  # the spectrum's first points miss what the blocks' mean took away
+        power = np.concatenate([np.maximum(power[:few], power[few]), power[few:]])
+        self.filter = _autoregression(frequency, power, dt, self.width, order)
         first = np.searchsorted(self.run, self.run, side="left")
         self.rows = np.flatnonzero(np.arange(self.count) - first >= order)
         self.weight = np.sqrt(self.mean(balance.local_weight)[self.rows])
@@ -111,8 +114,8 @@ def regress(columns: np.ndarray, white: np.ndarray) -> Regression:
 
 @dataclass(frozen=True)
 class Slow:
-    """Power (N^2 m^2) of a residual below `knee` (Hz) in excess of a flat noise; statistic: measured over expected power of all
-    that is slow, with its p-value; floor: rms of the whole noise that is flat below the knee, N m."""
+    """Power (N^2 m^2) of a residual below `knee` (Hz) in excess of a flat noise; statistic: measured over expected power
+    there, with its p-value; floor: rms of the whole noise that is flat below the knee, N m."""
 
     power: float
     statistic: float
@@ -132,9 +135,11 @@ def slow_excess(coarse: Coarse, residual: np.ndarray, raw: np.ndarray) -> Slow:
     band = (frequency >= knee) & (frequency <= 2.0 * knee)
     level = float(np.median(power[band])) if band.any() else float(np.median(power))
     flat = np.where(frequency < knee, np.minimum(power, level), power)
-    allowed = np.where(frequency < knee, LEEWAY * flat, power) * np.sinc(frequency * coarse.period) ** 2
-    expected = max(float(np.trapezoid(allowed, frequency)), 1e-300)
-    actual = float(np.mean(raw**2))
+    below = frequency < knee
+    allowed = LEEWAY * flat[below] * np.sinc(frequency[below] * coarse.period) ** 2
+    expected = max(float(allowed.mean()) * knee, 1e-300)
+    spectrum = np.fft.rfft(raw)[np.fft.rfftfreq(len(raw), coarse.period) < knee]
+    actual = 2.0 * float(np.sum(np.abs(spectrum) ** 2)) / len(raw) ** 2
     count = 2.0 * knee * coarse.period * len(raw)  # independent numbers below the knee
     p_value = float(stats.chi2.sf(count * actual / expected, count))
     floor = math.sqrt(float(np.trapezoid(flat, frequency)))

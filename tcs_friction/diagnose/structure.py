@@ -58,6 +58,7 @@ class _Judged:
     log_p: float
     power: float
     coefficients: np.ndarray
+    constant: float  # N m, that goes with them
 
 
 class _Ground:
@@ -75,6 +76,7 @@ class _Ground:
         self.base, self.white_base = self.base[:, keep] / norms[keep], self.white_base[:, keep] / norms[keep]
         self.inverse = np.linalg.pinv(self.white_base, rcond=1e-9)
         raw = self.coarse.mean(residual)
+        self.mean = raw
         self.raw, self.white = self.project(raw)
         self.floor = balance.noise_floor(residual)
 
@@ -84,6 +86,10 @@ class _Ground:
         amounts = self.inverse @ white
         rows = self.coarse.rows
         return raw[rows] - self.base[rows] @ amounts, white - self.white_base @ amounts
+
+    def constant(self, map_torque: np.ndarray) -> float:
+        """The base's constant when a map's chunk means (chunks,) are taken away; it is the first column."""
+        return float((self.inverse @ self.coarse.whiten(self.mean - map_torque))[0] * self.base[0, 0])
 
     def values(self, coordinate: str) -> np.ndarray:
         """A coordinate at the samples of the chunks."""
@@ -217,16 +223,17 @@ def _orders(ground: _Ground, position: Hats, partner: Basis) -> tuple[list[float
     return orders, highest / lowest
 
 
-def _columns(ground: _Ground, product: Product) -> tuple[np.ndarray, np.ndarray]:
+def _chunks(ground: _Ground, product: Product) -> np.ndarray:
+    """Chunk means (chunks, k) of a map's columns."""
     x = ground.values(product.first.coordinate)
     second = product.second.coordinate
     index, value = product.evaluate(x, ground.values(second) if second else np.zeros(len(x)))
-    return ground.project(ground.coarse.scatter(index, value, product.count))
+    return ground.coarse.scatter(index, value, product.count)
 
 
 def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judged:
     """Regression with every penalty: the best p-value and, where that is significant, the penalty that predicts best."""
-    raw, white = _columns(ground, product)
+    raw, white = ground.project(_chunks(ground, product))
     normal, scores = white.T @ white, white.T @ ground.white
     roughness = product.roughness() * max(float(np.trace(normal)) / product.count, 1e-300)
     weights, vectors = linalg.eigh(normal, roughness)
@@ -238,11 +245,12 @@ def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judg
     log_p = min(_log_p(weights / (weights + penalty), squares / variance) for penalty in PENALTIES)
     log_p += math.log(tests * len(PENALTIES) * looks)
     if log_p > math.log(FALSE_ALARM):
-        return _Judged(product, log_p, 0.0, np.zeros(product.count))
+        return _Judged(product, log_p, 0.0, np.zeros(product.count), 0.0)
     powers = _predicted(ground, product, raw, white, roughness)
     penalty = PENALTIES[int(np.argmax(powers))]
     coefficients = np.linalg.solve(normal + penalty * roughness, scores)
-    return _Judged(product, log_p, max(powers), coefficients)
+    constant = ground.constant(_chunks(ground, product) @ coefficients)
+    return _Judged(product, log_p, max(powers), coefficients, constant)
 
 
 def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
@@ -290,7 +298,7 @@ def _predicted(
 def _table(judged: _Judged) -> Table:
     """The map as a table; values to five digits."""
     used = [b for b in (judged.product.first, judged.product.second) if b.coordinate]
-    values = judged.product.grid(judged.coefficients)
+    values = judged.product.grid(judged.coefficients) + judged.constant
     digits = 5 - math.ceil(math.log10(max(float(np.abs(values).max()), 1e-300)))
     return Table(
         judged.product.coordinates,
