@@ -7,12 +7,13 @@ what the terminal shows, and `write_report` the page with its pictures.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tcs_friction.control.compensator import LugreParameters
 from tcs_friction.control.tracking import TrackingErrors
 from tcs_friction.physics.registry import law
 from tcs_friction.report import published
@@ -36,6 +37,7 @@ from tcs_friction.report.runs import (
     draw_friction,
     draw_spectra,
     draw_speed,
+    simulated_friction,
 )
 
 
@@ -132,7 +134,7 @@ def write_report(directory: Path, result: CommissionResult) -> Path:
     speed = draw_speed(result.before)
     errors = draw_errors(result.before, result.after, result.friction_off)
     spectra = draw_spectra(result.before, result.after, result.friction_off)
-    friction = draw_friction(result.measurement)
+    friction = draw_friction(_with_law(result))
     costs = draw_costs({"best of the generation": result.costs})
     worst = max(abs(after.peak_positive), abs(after.peak_negative))
     sentence = (
@@ -157,6 +159,15 @@ def write_report(directory: Path, result: CommissionResult) -> Path:
         remark=f"{result.seconds:.0f} s in all." if result.seconds else "",
     )
     return write_page(directory / "report.html", document, [speed, errors, spectra, friction, costs])
+
+
+def _with_law(result: CommissionResult) -> FrictionRun:
+    """The measurement with the identified law's friction beside it, where the law is complete."""
+    run, names = result.measurement, [entry.name for entry in fields(LugreParameters)]
+    if run.simulated is not None or not set(names) <= set(result.identified):
+        return run
+    parameters = LugreParameters(**{name: result.identified[name] for name in names})
+    return replace(run, simulated=simulated_friction(run.t, run.velocity, parameters))
 
 
 def _numbers(result: CommissionResult, before: TrackingErrors, after: TrackingErrors) -> list[Number]:

@@ -7,8 +7,16 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import welch
 
+from tcs_friction.control.compensator import (
+    STATES,
+    CompensatorConfig,
+    LugreParameters,
+    compensator_parameters,
+    lugre_step,
+)
 from tcs_friction.control.loop import LoopRun
 from tcs_friction.control.tracking import ARCSEC, TrackingErrors, reversals, tracking_errors
 from tcs_friction.report.figures import (
@@ -27,6 +35,7 @@ from tcs_friction.report.figures import (
 
 DEGREE = np.pi / 180.0
 """One degree in rad."""
+SMOOTHING = 0.1  # s
 
 
 @dataclass(frozen=True)
@@ -126,7 +135,24 @@ def spectrum(run: TrackingRun) -> tuple[Array, Array]:
     return frequency[keep], np.sqrt(density[keep])
 
 
-@drawn("friction", "Friction against time and speed: observed, simulated with the identified law, and true.")
+def smoothed(t: Array, values: Array) -> Array:
+    """Running mean over SMOOTHING seconds."""
+    width = max(1, round(SMOOTHING / float(np.median(np.diff(t)))))
+    mean: Array = uniform_filter1d(values, width)
+    return mean
+
+
+def simulated_friction(t: Array, velocity: Array, parameters: LugreParameters) -> Array:
+    """LuGre friction (n,) along a measured velocity (n,), smoothed so that its noise does not dither the bristle."""
+    dt = float(np.median(np.diff(t)))
+    packed = compensator_parameters(CompensatorConfig(parameters, parameters), dt)
+    state, friction = np.zeros(STATES), np.empty(len(t))
+    for k, speed in enumerate(smoothed(t, velocity)):
+        friction[k] = lugre_step(state, packed, speed, 0.0)
+    return friction
+
+
+@drawn("friction", "Friction against time and against speed (its mean over 0.1 s).")
 def draw_friction(run: FrictionRun) -> Figure:
     """Friction in time on the left, over speed on the right."""
     figure, (left, right) = panels(1, 2, height=3.3, width=9.4, gridspec_kw={"width_ratios": [1.5, 1]})
@@ -138,7 +164,7 @@ def draw_friction(run: FrictionRun) -> Figure:
     for values, color, name, width in every:
         if values is not None:
             line(left, run.t, values, color, name, lw=width)
-            right.plot(run.velocity / DEGREE, values, color=color, lw=width)
+            right.plot(smoothed(run.t, run.velocity) / DEGREE, values, color=color, lw=width)
     label(left, "time (s)", "friction (N m)")
     label(right, "speed (deg/s)", "")
     legend(left)

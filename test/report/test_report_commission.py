@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcs_friction.control.compensator import LugreParameters
 from tcs_friction.control.tracking import ARCSEC
 from tcs_friction.report import published
 from tcs_friction.report.commission import CommissionResult, console_table, cut, table_3, write_report
-from tcs_friction.report.runs import FrictionRun, TrackingRun, spectrum
+from tcs_friction.report.runs import FrictionRun, TrackingRun, simulated_friction, spectrum
 
+NAMES = ("coulomb", "static", "stribeck_velocity", "stiffness", "damping", "viscous")
 T = np.arange(0.0, 60.0, 0.01)
 SPEED = 1e-3 * np.cos(2.0 * np.pi * (T - 2.0) / 20.0)
 
@@ -103,3 +105,17 @@ def test_run_s_arrays_are_its_own() -> None:
     assert run.t[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         run.error[0] = 1.0
+
+
+def test_simulated_friction_is_the_law_s_own_at_steady_speed() -> None:
+    t = np.arange(0.0, 5.0, 1e-3)
+    law = LugreParameters()
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(len(t))
+    friction = simulated_friction(t, 1e-2 + noise, law)
+    assert friction[-1] == pytest.approx(law.coulomb + law.viscous * 1e-2, rel=0.01)
+
+
+def test_complete_law_is_drawn_beside_the_measurement(result: CommissionResult, tmp_path: Path) -> None:
+    without = write_report(tmp_path / "a", result).with_name("friction.png").read_bytes()
+    complete = replace(result, identified=dict(zip(NAMES, LugreParameters().packed(), strict=True)))
+    assert write_report(tmp_path / "b", complete).with_name("friction.png").read_bytes() != without
