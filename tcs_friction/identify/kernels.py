@@ -36,6 +36,13 @@ def falling_exponential(x: Any) -> Any:
     return p * p
 
 
+@njit(inline="always")
+def mean_decay(widths: Any, decay: Any) -> Any:
+    """(1 - exp(-w)) / w, the mean of the decay over a step w long, also where w is next to nothing."""
+    small = 1.0 - widths * (0.5 - widths * (1.0 / 6.0 - widths / 24.0))
+    return small if widths < 1e-3 else (1.0 - decay) / max(widths, 1e-3)
+
+
 @njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)
 def squared_errors(
     velocity: Any, travel: Any, carry: Any, acceleration: Any, target: Any, weight: Any, population: Any, out: Any
@@ -47,7 +54,7 @@ def squared_errors(
     L = LANES
     count = population.shape[0]
     for block in prange((count + L - 1) // L):
-        w = np.zeros(10 * L)  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum
+        w = np.zeros(11 * L)  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum, level before
         for j in range(L):
             p = population[min(block * L + j, count - 1)]
             w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
@@ -55,15 +62,18 @@ def squared_errors(
                 w[k * L + j] = p[k]
         for i in range(len(velocity)):
             v, speed, square = velocity[i], abs(velocity[i]), velocity[i] * velocity[i]
-            moved, direction = -abs(travel[i]), math.copysign(1.0, travel[i])
+            moved, direction = abs(travel[i]), math.copysign(1.0, travel[i])
             kept, a, aim, share = carry[i], acceleration[i], target[i], weight[i]
             for j in range(L):
                 level = w[j] + w[L + j] * falling_exponential(square * w[2 * L + j])
-                inverse = 1.0 / level
-                steady = direction * level
-                bristle = steady + (kept * w[8 * L + j] - steady) * falling_exponential(w[3 * L + j] * moved * inverse)
+                before = level + kept * (w[10 * L + j] - level)
+                w[10 * L + j] = level
+                widths = w[3 * L + j] * moved * 2.0 / (before + level)
+                decay = falling_exponential(-widths)
+                mean = mean_decay(widths, decay)
+                bristle = kept * w[8 * L + j] * decay + direction * (before * (mean - decay) + level * (1.0 - mean))
                 w[8 * L + j] = bristle
-                torque = bristle + w[4 * L + j] * (v - speed * inverse * bristle) + w[5 * L + j] * v
+                torque = bristle + w[4 * L + j] * (v - speed / level * bristle) + w[5 * L + j] * v
                 error = torque + w[6 * L + j] * a + w[7 * L + j] - aim
                 w[9 * L + j] += share * error * error
         for j in range(min(L, count - block * L)):
@@ -83,22 +93,25 @@ def normal_equations(
     L = LANES
     count = shapes.shape[0]
     for block in prange((count + L - 1) // L):
-        w = np.zeros(4 * L)
+        w = np.zeros(5 * L)  # stiffness/coulomb, static/coulomb - 1, -1/stribeck_velocity^2, y, level before
         sums = np.zeros(GRAM * L)
         for j in range(L):
             p = shapes[min(block * L + j, count - 1)]
             w[j], w[L + j], w[2 * L + j] = 1.0 / p[0], p[1] - 1.0, -1.0 / (p[2] * p[2])
         for i in range(len(velocity)):
             v, speed, square = velocity[i], abs(velocity[i]), velocity[i] * velocity[i]
-            moved, direction = -abs(travel[i]), math.copysign(1.0, travel[i])
+            moved, direction = abs(travel[i]), math.copysign(1.0, travel[i])
             kept, a, aim, share = carry[i], acceleration[i], target[i], weight[i]
             for j in range(L):
                 level = 1.0 + w[L + j] * falling_exponential(square * w[2 * L + j])
-                inverse = 1.0 / level
-                steady = direction * level
-                y = steady + (kept * w[3 * L + j] - steady) * falling_exponential(w[j] * moved * inverse)
+                before = level + kept * (w[4 * L + j] - level)
+                w[4 * L + j] = level
+                widths = w[j] * moved * 2.0 / (before + level)
+                decay = falling_exponential(-widths)
+                mean = mean_decay(widths, decay)
+                y = kept * w[3 * L + j] * decay + direction * (before * (mean - decay) + level * (1.0 - mean))
                 w[3 * L + j] = y
-                rate = v - speed * inverse * y
+                rate = v - speed / level * y
                 sy, sr = share * y, share * rate
                 sums[j] += sy * y
                 sums[L + j] += sy * rate
@@ -133,23 +146,30 @@ def sensitivities(velocity: Any, travel: Any, bounds: Any, parameters: Any, init
     coulomb, static, stribeck, stiffness, damping, viscous = parameters
     for s in range(len(bounds) - 1):
         z, z_c, z_s, z_w, z_k, z_0 = initial[s], 0.0, 0.0, 0.0, 0.0, 1.0
+        before, bell_before, slope_before = 0.0, 0.0, 0.0
         for i in range(bounds[s], bounds[s + 1]):
             v, speed = velocity[i], abs(velocity[i])
             ratio = v / stribeck
             bell = math.exp(-ratio * ratio)
             g = coulomb + (static - coulomb) * bell
             g_c, g_s, g_w = 1.0 - bell, bell, (static - coulomb) * bell * 2.0 * ratio * ratio / stribeck
+            if i == bounds[s]:
+                before, bell_before, slope_before = g, bell, g_w
             if travel[i] != 0.0:
-                sign, moved = math.copysign(1.0, travel[i]), abs(travel[i])
-                e = math.exp(-stiffness * moved / g)
-                gap = (z - sign * g) * e
-                slope = sign * (1.0 - e) + gap * stiffness * moved / (g * g)
-                z_c = z_c * e + slope * g_c
-                z_s = z_s * e + slope * g_s
-                z_w = z_w * e + slope * g_w
-                z_k = z_k * e - gap * moved / g
+                sign, both = math.copysign(1.0, travel[i]), before + g
+                widths = stiffness * abs(travel[i]) * 2.0 / both
+                e = math.exp(-widths)
+                mean = mean_decay(widths, e)
+                bend = (e - mean) / widths if widths > 1e-3 else -0.5 + widths / 3.0 - widths * widths / 8.0  # of mean by widths
+                by_widths = -z * e + sign * (before * (bend + e) - g * bend)
+                first, second, stretch = sign * (mean - e), sign * (1.0 - mean), -by_widths * widths / both
+                z_c = z_c * e + first * (1.0 - bell_before) + second * g_c + stretch * (1.0 - bell_before + g_c)
+                z_s = z_s * e + first * bell_before + second * g_s + stretch * (bell_before + g_s)
+                z_w = z_w * e + first * slope_before + second * g_w + stretch * (slope_before + g_w)
+                z_k = z_k * e + by_widths * widths / stiffness
                 z_0 = z_0 * e
-                z = sign * g + gap
+                z = z * e + first * before + second * g
+            before, bell_before, slope_before = g, bell, g_w
             through = 1.0 - damping * speed / g
             direct = damping * speed * z / (g * g)
             out[i, 0] = z + damping * (v - speed * z / g) + viscous * v

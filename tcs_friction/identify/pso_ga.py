@@ -23,14 +23,14 @@ class SwarmOptions:
     """Settings of PSO-GA; the names in brackets are the paper's."""
 
     population: int = 60  # [N_PSO-GA]
-    generations: int = 12  # [G_max] of the whole loop
-    swarm_generations: int = 20  # [G_PSO] within each
-    genetic_generations: int = 10  # [G_GA] within each
+    generations: int = 4  # [G_max] of the whole loop
+    swarm_generations: int = 60  # [G_PSO] within each
+    genetic_generations: int = 30  # [G_GA] within each
     local_factor: float = 1.3  # [c_1]
     global_factor: float = 1.75  # [c_2]
     greatest_weight: float = 0.9  # [W_max] inertia weight, eq. 12
     least_weight: float = 0.1  # [W_min]
-    velocity_limit: float = 0.25  # [V_max = -V_min], of the normalised box
+    velocity_limit: float = 0.1  # [V_max = -V_min], of the normalised box
     crossover: float = 0.9  # [P_c]
     cost_tolerance: float = 0.0  # stop at this cost; 0: never
     stagnation: int = 80  # stop after so many generations of PSO or GA without gain
