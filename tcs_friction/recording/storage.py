@@ -19,7 +19,7 @@ else:
 BLOCK = 1 << 22
 """Bytes read from a file at a time."""
 
-MAX_CHUNK = 1 << 30
+MAX_CHUNK = 1 << 28
 """Bytes a chunk may claim to unpack to; `ros2 bag` writes chunks of a few MB."""
 
 MAX_RATIO = 1000
@@ -120,7 +120,8 @@ def unpack_file(packed: BinaryIO, out: BinaryIO) -> bool:
     decoder, piece = zstd.ZstdDecompressor(), packed.read(1 << 16)
     try:
         while piece or not decoder.needs_input:
-            out.write(decoder.decompress(piece, BLOCK))
+            if out.write(decoder.decompress(piece, BLOCK)) and out.tell() > MAX_RATIO * packed.tell() + BLOCK:
+                return False  # no recording shrinks like that
             if decoder.eof:
                 piece = decoder.unused_data or packed.read(1 << 16)
                 if not piece:

@@ -20,6 +20,7 @@ from recording_samples import KINDS, SIGNALS, Sample, samples, write
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.storage import zstd
 
 MESSAGES = samples(300)
 CHUNKED = ("mcap-zstd", "mcap-lz4", "mcap-bare")
@@ -251,3 +252,11 @@ def test_whatever_is_done_to_a_bag_the_end_is_a_recording_or_one_line(
             agrees(recording)
     finally:
         shutil.rmtree(folder)
+
+
+def test_a_file_that_would_unpack_to_a_flood_is_stopped(tmp_path: Path) -> None:
+    path = tmp_path / "flood.mcap.zstd"
+    path.write_bytes(zstd.compress(bytes(1 << 28)))
+    assert path.stat().st_size < 20_000
+    with pytest.raises(InputError, match="flood"):
+        read(path)
