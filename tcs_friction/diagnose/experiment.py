@@ -107,7 +107,13 @@ def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], 
             )
     across = min(2.0 * half / 28.0, fast)
     yield (
-        {"kind": "legs", "speed": across, "leg": 2.0 * half / across - 2.0 * across / hardest, "acceleration": hardest, "start": lowest},
+        {
+            "kind": "legs",
+            "speed": across,
+            "leg": max(2.0 * half / across - 2.0 * across / hardest, 0.0),
+            "acceleration": hardest,
+            "start": lowest,
+        },
         f"the whole travel at constant speed, {across:.3g} {unit}, there and back",
     )
     count = 20

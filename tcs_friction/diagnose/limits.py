@@ -48,13 +48,13 @@ def barred(data: Conditioned, axis: Axis) -> frozenset[str]:
 def check_units(data: Conditioned, axis: Axis) -> None:
     """Refuse a torque of the wrong sign and a position in another unit than the axis file's, in one line.
 
-    Raises InputError. Judged by a plain balance of torque with acceleration, direction and speed, and only where every
-    quarter of the data (interleaved blocks) that can tell agrees: a wrong guess of the inertia, or an effort in ampere, is no reason.
+    Raises InputError. Judged by a plain balance of torque with acceleration, direction and speed, and only where every quarter
+    of the data (interleaved blocks) that can tell agrees. A wrong guess of the inertia or an effort in ampere is no reason.
     """
     count = len(data.joined("torque"))
     block = np.arange(count) * BLOCKS // count
-    parts = [_balance(data, block % QUARTERS == k) for k in range(QUARTERS)]
-    whole = _balance(data, block >= 0)
+    parts = [plain_balance(data, block % QUARTERS == k) for k in range(QUARTERS)]
+    whole = plain_balance(data, block >= 0)
     sums = [part for part in (whole, *parts) if part is not None]
     if whole is None or len(sums) < 3:
         return
@@ -79,7 +79,7 @@ def check_units(data: Conditioned, axis: Axis) -> None:
             )
 
 
-def _balance(data: Conditioned, rows: np.ndarray) -> tuple[float, float] | None:
+def plain_balance(data: Conditioned, rows: np.ndarray) -> tuple[float, float] | None:
     """Inertia and dry friction by least squares; None where the motion does not determine both."""
     v, a, u = (data.joined(name)[rows] for name in ("velocity", "acceleration", "torque"))
     direction = np.tanh(v / max(MOVING * data.velocity_noise, 1e-300))
@@ -175,8 +175,8 @@ def _extent(data: Conditioned, axis: Axis) -> list[Limit]:
     if axis.kind == "rotary" and travel < 0.5 * turn:
         result.append(
             Limit(
-                f"covers {travel / turn:.2g} of a turn: what repeats once or twice a turn (imbalance, position-dependent inertia) "
-                "cannot be told from a slope over the position",
+                f"covers {travel / turn:.2g} of a turn: what repeats once or twice a turn cannot be told from a slope over "
+                "the position",
                 frozenset({"position_dependent_inertia"} if travel < 0.1 * turn else ()),
             )
         )

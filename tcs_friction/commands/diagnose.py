@@ -1,0 +1,94 @@
+"""Find the physics that a model lacks against bags: locate the mismatch, name it, model it, show the better fit.
+
+Writes DIR/diagnosis.json, DIR/axis.yaml (the axis with the missing physics), pictures and DIR/report.html, and
+DIR/next_experiment.yaml where the bags leave a question open.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from tcs_friction.config import AxisFile, load_axis
+from tcs_friction.diagnose.result import Diagnosis
+from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.errors import InputError
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings, one data set with common physics")
+    parser.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="what is believed, and where the signals are")
+    parser.add_argument(
+        "--against", type=Path, metavar="SIM", help="bag of a simulation, whose physics is what is believed (needs no axis file)"
+    )
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
+    parser.add_argument("--seed", type=int, default=0, help="same bags and seed: same result (default 0)")
+    parser.add_argument("--json", action="store_true", help="print the result on stdout")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Diagnose, write everything, say what was found."""
+    if arguments.axis is None and arguments.against is None:
+        raise InputError("diagnose", "neither an axis file nor a simulation", "--axis AXIS.yaml or --against SIM")
+    if arguments.seed < 0:
+        raise InputError("--seed", str(arguments.seed), "a whole number from 0")
+    progress = _progress if sys.stderr.isatty() else _silent
+    file, remark = _believed(arguments)
+    if file.signals is None:
+        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
+    recordings = read_recordings(arguments.bags, file.signals)
+    found = diagnose(recordings, file, seed=arguments.seed, progress=progress)
+    progress(1.0, "writing")
+    report = write_diagnosis(arguments.output, found)
+    if sys.stderr.isatty():
+        print("\r\033[K", end="", file=sys.stderr)
+    if arguments.json:
+        print(json.dumps(found.to_mapping(), allow_nan=False))
+        return
+    print("\n".join([*([remark] if remark else []), summary(found), str(report)]))
+
+
+def _believed(arguments: argparse.Namespace) -> tuple[AxisFile, str]:
+    file = load_axis(arguments.axis) if arguments.axis is not None else None
+    if arguments.against is None:
+        assert file is not None
+        return file, ""
+    from tcs_friction.diagnose.against import believed_from_simulation
+
+    progress = _progress if sys.stderr.isatty() else _silent
+    return believed_from_simulation(arguments.against, arguments.bags, file, arguments.seed, progress)
+
+
+def _silent(_: float, __: str) -> None:
+    """No progress into a pipe."""
+
+
+def _progress(share: float, stage: str) -> None:
+    print(f"\r\033[K{100.0 * share:3.0f} %  {stage}", end="", file=sys.stderr, flush=True)
+
+
+def summary(found: Diagnosis) -> str:
+    """The statement and the numbers behind it, for a terminal."""
+    content = found.to_mapping()
+    unit = "N m" if found.axis_file.axis.kind == "rotary" else "N"
+    position = "rad" if found.axis_file.axis.kind == "rotary" else "m"
+    lines = [f"{content['verdict']}: {content['statement']}"]
+    for entry in content["effects"]:
+        values = ", ".join(f"{name} {p['value']:.5g} {p.get('unit') or ''}".rstrip() for name, p in entry["parameters"].items())
+        other = f"; or {', '.join(entry['equivalent'])}" if entry["equivalent"] else ""
+        size = f"{entry['torque_rms']:9.3g} {unit} rms  {entry['probability']:5.0%}"
+        lines.append(f"  {entry['effect']:28} {size}  {values}{other}")
+    fit, free = content["fit"], content["free_run"]
+    lines.append(f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:g} s, {position} rms")
+    for name in ("believed", "retuned", "improved"):
+        row = fit[name]
+        lines.append(f"{name:10} {row['train']:10.4g} {row['held_out']:10.4g} {free['position_rms'][name]:21.4g}")
+    lines.append(f"{'noise':10} {fit['noise_floor']:10.4g}")
+    if content["next_experiment"]:
+        lines.append(f"next: {content['next_experiment']['why']} ({EXPERIMENT})")
+    return "\n".join(lines)

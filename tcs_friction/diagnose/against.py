@@ -1,0 +1,76 @@
+"""Two bags and no axis file: what the simulation believes is identified from the simulation's own recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.condition import condition
+from tcs_friction.diagnose.limits import plain_balance
+from tcs_friction.errors import InputError
+from tcs_friction.identify.identification import identified_axis, identify
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import law
+from tcs_friction.physics.terms import instance
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.info import bag_info
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap
+
+LAWS = ("lugre", "coulomb_viscous")  # the second where the motion does not determine the first's bristles
+BIAS = 3.0  # standard deviations from which a constant torque is believed
+
+
+def signals_of(bag: Path) -> SignalMap:
+    """Where position and torque are in a bag that nobody has described. Raises InputError when they cannot be found."""
+    block = bag_info(bag).signals
+    for name in ("position", "torque"):
+        if name not in block:
+            raise InputError(str(bag), f"no topic looks like a {name}", "an axis file that names the signals (--axis)")
+    return SignalMap.from_mapping(block, str(bag))
+
+
+def believed_from_simulation(
+    simulation: Path,
+    real: Sequence[Path],
+    file: AxisFile | None = None,
+    seed: int = 0,
+    progress: Callable[[float, str], None] = lambda share, stage: None,  # noqa: ARG005 names are the interface
+) -> tuple[AxisFile, str]:
+    """The axis file that a simulation's recording amounts to, and one line on how well.
+
+    `file`, if there is one, says where the signals are; otherwise both bags are searched for them.
+    """
+    source = file.signals if file is not None and file.signals is not None else None
+    recordings = read_recordings([simulation], source or signals_of(simulation))
+    start = file.axis if file is not None else starting_axis(recordings)
+    progress(0.0, "identifying the simulation")
+    found = identify(recordings, start, "default", LAWS[0], seed)
+    if not found.parameters["stiffness"].determined:
+        found = identify(recordings, start, "default", LAWS[1], seed)
+    if not any(item.determined for item in found.parameters.values()):
+        raise InputError(str(simulation), "does not determine any friction law", "a simulation with reversals and speeds")
+    line = (
+        f"{simulation} behaves like {found.law} with an inertia of {found.inertia.value:.4g} {found.inertia.unit} "
+        f"(left over: {found.rmse.held_out:.3g} {found.offset.unit} rms)"
+    )
+    axis = identified_axis(start, found)
+    if abs(found.offset.value) < BIAS * found.offset.std:
+        axis = replace(axis, effects=start.effects)
+    return AxisFile(axis, source or signals_of(real[0])), line
+
+
+def starting_axis(recordings: Sequence[Recording]) -> Axis:
+    """A first guess by a plain balance of torque with acceleration, direction and speed."""
+    data = condition(recordings, held_out=False)
+    numbers = plain_balance(data, np.ones(len(data.joined("torque")), bool))
+    inertia, coulomb = (abs(x) for x in numbers) if numbers is not None else (0.0, 0.0)
+    level = float(np.sqrt(np.mean(data.joined("torque") ** 2)))
+    top = float(np.abs(data.joined("velocity")).max())
+    hardest = float(np.abs(data.joined("acceleration")).max())
+    values = {"coulomb": coulomb or 0.5 * level, "viscous": 0.1 * level / top}
+    return Axis("axis", inertia or 0.1 * level / hardest, instance(law("coulomb_viscous", "axis"), values))
