@@ -1,0 +1,88 @@
+"""Motion, noise and concealed torques for tests of what locates a residual: fast, without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from tcs_friction.diagnose.balance import Balance, Fit, free_parameters
+from tcs_friction.diagnose.condition import Conditioned, Stretch
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import law
+from tcs_friction.physics.terms import instance
+
+DT = 0.01  # s
+NOISE = 0.3  # N m rms
+
+
+class Motion(NamedTuple):
+    """Time, position and velocity, (n,) each."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+
+
+Torque = Callable[[Motion], np.ndarray]  # opposing, N m, (n,)
+
+
+def axis() -> Axis:
+    friction = instance(law("coulomb_viscous"), {"coulomb": 60.0, "viscous": 500.0})
+    return Axis("azimuth", 900.0, friction)
+
+
+def coloured(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Torque noise (count,) of a first-order corner at 10 Hz, NOISE rms."""
+    decay = np.exp(-2.0 * np.pi * 10.0 * DT)
+    white = rng.standard_normal(count)
+    return NOISE * signal.lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], white)
+
+
+def conditioned(
+    rng: np.random.Generator, torque: Torque | None = None, seconds: float = 300.0
+) -> Conditioned:
+    """An axis that sweeps at several speeds, with noise and a concealed opposing torque; every fourth block held out."""
+    t = np.arange(0.0, seconds, DT)
+    velocity = 0.15 * np.sin(2 * np.pi * t / 83.0) + 0.06 * np.sin(2 * np.pi * t / 19.0) + 1e-9
+    position = np.cumsum(velocity) * DT
+    acceleration = np.gradient(velocity, DT)
+    model = axis()
+    required = model.inertia * acceleration + 60.0 * np.sign(velocity) + 500.0 * velocity
+    hidden = np.zeros(len(t)) if torque is None else torque(Motion(t, position, velocity))
+    block = np.arange(len(t)) * 16 // len(t)
+    held_out = block % 4 == 2
+    wind = 2.0 * signal.lfilter([np.sqrt(1.0 - 0.99**2)], [1.0, -0.99], rng.standard_normal(len(t)))
+    stretch = Stretch(
+        t=t,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        torque=required + hidden + coloured(rng, len(t)),
+        signals=np.stack([15.0 + 5.0 * (1.0 - np.exp(-t / 100.0)), wind]),
+        train=~held_out & (t > 0.5),  # it starts at rest
+        held_out=held_out,
+    )
+    return Conditioned(
+        stretches=(stretch,),
+        period=DT,
+        dt=DT,
+        stride=1,
+        cutoff=0.45 / DT,
+        velocity_noise=1e-6,
+        position_noise=1e-8,
+        names=("wind_speed",),
+        temperature=True,
+        notes=(),
+    )
+
+
+def settled(data: Conditioned) -> tuple[Balance, Fit]:
+    """The balance with its noise estimate and the believed axis refitted."""
+    balance = Balance(data)
+    balance.estimate_noise(balance.residual(axis()))
+    fit = balance.fit(axis(), free_parameters(axis(), 1.0))
+    balance.estimate_noise(balance.residual(fit.axis))
+    return balance, fit
