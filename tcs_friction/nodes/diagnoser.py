@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.control.config_field import setting
+from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
 from tcs_friction.nodes.executor import run
@@ -23,6 +23,7 @@ from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.wire import JointWire
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
+from tcs_friction.report.diagnosis_files import write_diagnosis
 
 
 @dataclass(frozen=True)
@@ -62,26 +63,19 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
     async def _diagnose(self, request: Any, answer: Any, progress: Progress) -> str:
         file = load_axis(config_file(request.axis)) if request.axis else self.file
         recordings = self._recordings(request, file)
-        try:
-            diagnose = importlib.import_module("tcs_friction.diagnose.diagnosis").diagnose
-        except ModuleNotFoundError:
-            raise JobError("diagnosis", "not part of this version") from None
-        found = await self._waiter.in_thread(
-            lambda: diagnose(
-                recordings,
-                file.axis,
-                seed=self.config.seed,
-                progress=lambda share, stage: progress.tell(progress=float(share), stage=str(stage)),
-                cancel=progress.cancelled.is_set,
-            )
-        )
-        if progress.cancelled.is_set():
-            raise JobError("diagnosis", "was cancelled")
-        answer.verdict, answer.statement = str(found.verdict), found.statement
-        answer.effects = [item.effect for item in found.effects]
+
+        def tell(share: float, stage: str) -> None:
+            if progress.cancelled.is_set():
+                raise JobError("diagnosis", "was cancelled")
+            progress.tell(progress=float(share), stage=stage)
+
+        seed = self.config.seed
+        found = await self._waiter.in_thread(lambda: diagnose(recordings, file, seed=seed, progress=tell))
         if request.directory:
-            found.write(Path(request.directory), file)
-        return str(found.statement)
+            await self._waiter.in_thread(lambda: write_diagnosis(Path(request.directory), found))
+        answer.verdict, answer.statement = found.verdict, found.statement
+        answer.effects = [item.effect for item in found.effects]
+        return found.statement
 
     def _recordings(self, request: Any, file: AxisFile) -> tuple[Recording, ...]:
         if request.bags:

@@ -1,0 +1,85 @@
+"""Free runs: the right model stays near the measured motion, a wrong one leaves it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from proof_cases import axis, conditioned, item, recorded
+
+from tcs_friction.diagnose.condition import Conditioned, condition
+from tcs_friction.diagnose.proof import free_run, usable_horizon
+from tcs_friction.physics.terms import Instance
+
+
+@pytest.fixture(scope="module")
+def plain() -> Conditioned:
+    return conditioned(recorded(axis()))
+
+
+def test_the_right_model_follows_the_motion(plain: Conditioned) -> None:
+    """The start's velocity noise times the horizon bounds the error, a few times over for smoothing at reversals."""
+    assert free_run(plain, axis()) < 1e-4 * np.ptp(plain.joined("position"))
+
+
+def test_wrong_parameters_leave_it(plain: Conditioned) -> None:
+    right = free_run(plain, axis())
+    assert free_run(plain, axis().with_friction({"coulomb": 70.0, "static": 100.0})) > 10.0 * right
+    assert free_run(plain, replace(axis(), inertia=1050.0)) > 10.0 * right
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        item("transport_delay", delay=0.02),
+        item("flexible_mode", frequency=6.0, damping=0.05, inertia_ratio=0.4),
+        item("cable_hysteresis", amplitude=20.0, width=0.05),
+        item("warmup_drift", dry=0.5, time_constant=30.0),
+        item("encoder_periodic_error", order=40.0, amplitude=2e-4, phase=0.7),
+    ],
+    ids=lambda e: str(e.term.id),
+)
+def test_what_terms_remember_is_carried_into_the_windows(effect: Instance) -> None:
+    r = recorded(axis(*([effect] if effect.term.id != "encoder_periodic_error" else [])))
+    if effect.term.id == "encoder_periodic_error":
+        order, amplitude, phase = (effect.values[name] for name in ("order", "amplitude", "phase"))
+        r = replace(r, position=r.position + amplitude * np.sin(order * r.position + phase))
+    data = conditioned(r)
+    assert free_run(data, axis(effect)) < 0.3 * free_run(data, axis())
+
+
+def test_a_longer_horizon_strays_further(plain: Conditioned) -> None:
+    wrong = axis().with_friction({"coulomb": 70.0, "static": 100.0})
+    assert free_run(plain, wrong, 0.25) < 0.5 * free_run(plain, wrong, 1.0)
+
+
+def test_a_model_that_runs_away_has_a_number(plain: Conditioned) -> None:
+    runaway = axis(item("cable_wrap", stiffness=-1e6))
+    error = free_run(plain, runaway)
+    assert math.isfinite(error)
+    assert error <= np.ptp(plain.joined("position"))
+    assert error > 0.1 * np.ptp(plain.joined("position"))
+
+
+def test_the_horizon_shrinks_to_what_is_held_out() -> None:
+    data = conditioned(recorded(axis(), duration=8.0))
+    assert 0.0 < usable_horizon(data) < 1.0
+    assert free_run(data, axis()) > 0.0
+
+
+def test_without_held_out_data_nothing_is_claimed() -> None:
+    data = condition([recorded(axis(), duration=8.0)], held_out=False)
+    assert usable_horizon(data) == 0.0
+    assert free_run(data, axis()) == 0.0
+
+
+def test_training_data_do_not_matter(plain: Conditioned) -> None:
+    """Windows lie in held-out data only: torque changed far behind the last of them changes nothing."""
+    (s,) = plain.stretches
+    last = int(np.flatnonzero(s.held_out)[-1]) * plain.stride
+    torque = s.torque.copy()
+    torque[last + 1 :] += 1e3
+    changed = replace(plain, stretches=(replace(s, torque=torque),))
+    assert free_run(changed, axis()) == free_run(plain, axis())
