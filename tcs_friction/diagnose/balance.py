@@ -8,7 +8,7 @@ estimated from the residual itself: then squares add up to a likelihood and gain
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,7 @@ WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 class Free:
     """One free number of a fit.
 
-    owner: -2 inertia, -1 friction law, else the index of the effect. kind: "log" (positive), "plain",
+    owner: -3 actuation delay, -2 inertia, -1 friction law, else the index of the effect. kind: "log" (positive), "plain",
     or "cosine"/"sine": the two linear parts of an amplitude with a phase. scale: a step that is small for it.
     """
 
@@ -37,6 +37,7 @@ class Free:
     kind: str
     scale: float
     phase: str = ""
+    bounds: tuple[float, float] = (-math.inf, math.inf)
 
 
 def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | None]]:
@@ -77,13 +78,12 @@ def free_parameters(axis: Axis, torque_scale: float, hold: frozenset[str] = froz
 
 def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
     """The free numbers of an axis."""
+    own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
     numbers = []
     for f in free:
-        values = (
-            {"inertia": axis.inertia}
-            if f.owner == -2
-            else (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
-        )
+        values: Mapping[str, float] = own
+        if f.owner >= -1:
+            values = (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
         value = values[f.name]
         if f.kind == "cosine":
             value = value * math.cos(values[f.phase])
@@ -95,12 +95,13 @@ def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
 
 def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
     """The axis with those free numbers, each kept within its declared bounds."""
-    inertia, law, effects = axis.inertia, {}, [dict(item.values) for item in axis.effects]
+    own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
+    law, effects = {}, [dict(item.values) for item in axis.effects]
     cosine = 0.0
     for f, number in zip(free, numbers, strict=True):
         value = math.exp(min(max(number, -700.0), 700.0)) if f.kind == "log" else float(number)
-        if f.owner == -2:
-            inertia = value
+        if f.owner < -1:
+            own[f.name] = min(max(value, f.bounds[0]), f.bounds[1])
         elif f.owner == -1:
             law[f.name] = value
         elif f.kind == "cosine":
@@ -115,7 +116,7 @@ def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
         item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in values.items()})
         for item, values in zip(axis.effects, effects, strict=True)
     )
-    return replace(axis, inertia=inertia, friction=axis.friction.replace(**law), effects=items)
+    return replace(axis, friction=axis.friction.replace(**law), effects=items, **own)
 
 
 def _bounded(parameter: Parameter, value: float) -> float:
@@ -139,8 +140,9 @@ class Balance:
     `weights` is the whitening filter (2 half + 1,), scaled so that whitened noise has variance one.
     """
 
-    def __init__(self, data: Conditioned) -> None:
+    def __init__(self, data: Conditioned, believed_delay: float = 0.0) -> None:
         self.data = data
+        self.believed_delay = believed_delay
         self.weights = np.array([1.0])
         self.sizes = [len(s.train) for s in data.stretches]
         self.ends = np.cumsum([0, *self.sizes])
@@ -152,20 +154,33 @@ class Balance:
         self.evaluations = 0
         self._refresh_rows()
 
+    def free(self, axis: Axis) -> list[Free]:
+        """The free numbers of a joint fit, the alignment of torque and position in the log among them.
+
+        A log is never aligned better than half its own period, which is no physics; an axis with a transport delay has its
+        alignment in that.
+        """
+        free = free_parameters(axis, 1.0)
+        if any(item.term.id == "transport_delay" for item in axis.effects):
+            return free
+        believed, leeway = self.believed_delay, 0.5 * self.data.period
+        bounds = (max(believed - leeway, 0.0), believed + leeway)
+        return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
+
     def evaluate(self, axis: Axis) -> np.ndarray:
         """(n, 8) as `machine.evaluate` writes it, stretches one after the other."""
         data = self.data
         resolution = max(2.0 * data.velocity_noise, 1e-12)
         parts = []
         for s in data.stretches:
-            out = np.empty((len(s.t), 8))
+            out = np.empty((len(s.train), 8))
             compiled = machine.build(
                 axis, data.dt / data.stride, signals=data.names, position=float(s.position[0])
             )
             machine.evaluate(
-                compiled, s.t, s.position, s.velocity, s.acceleration, s.torque, s.signals, resolution, out
+                compiled, s.t, s.position, s.velocity, s.acceleration, s.torque, s.signals, resolution, out, data.stride
             )
-            parts.append(out[:: data.stride])
+            parts.append(out)
         self.evaluations += 1
         return np.concatenate(parts)
 
@@ -275,7 +290,7 @@ class Balance:
             )
         middle = np.median(blocks, axis=0) / math.log(2.0)
         middle[0] = middle[1] if len(middle) > 1 else middle[0]
-        middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="nearest")
+        middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="reflect")
         return np.fft.rfftfreq(length, self.data.dt), np.maximum(middle, 1e-12 * middle.max())
 
     def noise_floor(self, residual: np.ndarray) -> float:

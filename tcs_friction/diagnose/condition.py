@@ -49,12 +49,15 @@ class Stretch:
 class Conditioned:
     """Recordings ready for torque balances.
 
-    cutoff: of the common filter, Hz. dt: s between samples that are compared, every `stride`-th that is evaluated. velocity_noise: rad/s rms left in the velocity.
+    cutoff: of the common filter, Hz. period: of the recording, s.
+    dt: s between samples that are compared, every `stride`-th that is evaluated.
+    velocity_noise: rad/s rms left in the velocity.
     position_noise: rad rms before filtering.
     names: of the exogenous signals. notes: what was found and done, one line each.
     """
 
     stretches: tuple[Stretch, ...]
+    period: float
     dt: float
     stride: int
     cutoff: float
@@ -166,6 +169,7 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     temperature = all(r.temperature is not None for r in recordings)
     return Conditioned(
         tuple(stretches),
+        dt,
         step * stride * dt,
         stride,
         cutoff,

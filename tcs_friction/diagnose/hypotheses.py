@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -67,7 +67,8 @@ class Background:
 
     def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """Drop of squares for projected whitened columns (rows, k), and the amplitudes (k,) that give it."""
-        amplitudes = np.linalg.lstsq(columns, -self.white, rcond=1e-8)[0]
+        gram = columns.T @ columns
+        amplitudes = np.linalg.lstsq(gram, -(columns.T @ self.white), rcond=1e-12)[0]
         return float(-(columns.T @ self.white) @ amplitudes), amplitudes
 
 
@@ -143,7 +144,7 @@ def starts(
     """Promising starts for one effect, best first; more than one where the search has several peaks."""
     view = survey(background.balance, background.axis)
     if term.periodic:
-        return _periodic_starts(background, term, view, pool)
+        return _periodic_starts(background, term, view)
     scans = list(term.scan(view))
     looks = float(len(scans))
     linear = [p for p in term.parameters if p.role is Role.LINEAR]
@@ -226,9 +227,7 @@ def _local_scans(
     return [values for _, values in sorted(found, key=lambda pair: -pair[0])[:6]]
 
 
-def _periodic_starts(
-    background: Background, term: Term, view: Survey, pool: ThreadPoolExecutor
-) -> list[Start]:
+def _periodic_starts(background: Background, term: Term, view: Survey) -> list[Start]:
     grid, score, looks = spectrum(background, term, view)
     if not len(grid):
         return []
@@ -377,7 +376,7 @@ def _time_spectrum(
     balance = background.balance
     t = balance.data.joined("t")
     dt = balance.data.dt
-    count = int(round((t.max() - t.min()) / dt)) + 1
+    count = round((t.max() - t.min()) / dt) + 1
     index = np.minimum(np.round((t - t.min()) / dt).astype(np.int64), count - 1)
     series = np.bincount(index, y, minlength=count)
     length = 1 << (4 * count - 1).bit_length()
@@ -390,13 +389,12 @@ def _time_spectrum(
 
 
 def all_starts(
-    background: Background, pool: ThreadPoolExecutor, only: Iterable[str] | None = None
+    background: Background, pool: ThreadPoolExecutor, barred: frozenset[str] = frozenset()
 ) -> list[Start]:
     """Starts of every effect that could be missing, best promise first."""
-    wanted = None if only is None else set(only)
     found = [
         starts(background, term, name, pool)
         for term, name in eligible(background.axis, background.balance)
-        if wanted is None or term.id in wanted
+        if term.id not in barred
     ]
-    return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.gain)
+    return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.gain / start.excess)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.balance import Balance, Fit, Free, free_parameters
+from tcs_friction.diagnose.balance import Balance, Fit, Free
 from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -46,6 +46,15 @@ class Candidate:
         return self.gain - self.threshold
 
 
+@dataclass(frozen=True)
+class Rivals:
+    """One chosen effect against the rest of the vocabulary in its place: the fit without it, and all candidates, best first."""
+
+    without: Fit
+    gain: float  # of the chosen effect, in units of the noise
+    candidates: list[Candidate]
+
+
 @dataclass
 class Selection:
     """The chosen axis, rounds of candidates (each best first), and the fit of the base model alone."""
@@ -53,6 +62,7 @@ class Selection:
     retuned: Fit
     chosen: Fit
     rounds: list[list[Candidate]] = field(default_factory=list)
+    rivals: list[Rivals] = field(default_factory=list)
 
 
 def prior(free: list[Free] | tuple[Free, ...]) -> np.ndarray:
@@ -65,7 +75,7 @@ def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
     balance.estimate_noise(balance.residual(axis))
     fit = None
     for i in range(rounds):
-        free = free_parameters(axis, 1.0)
+        free = balance.free(axis)
         fit = balance.fit(axis, free, prior(free), iterations=20 if i == 0 else 8)
         axis = fit.axis
         residual = balance.residual(axis)
@@ -109,9 +119,15 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
     follow the motion gain by it at high frequency. What they gain must show in the slow part as well.
     """
-    free = free_parameters(axis.with_effect(start.instance), 1.0)
-    fit = balance.fit(axis.with_effect(start.instance), free, prior(free), iterations=6, tolerance=0.5)
     term = start.instance.term
+    widened = axis.with_effect(start.instance)
+    if term.id == "transport_delay":  # it takes the alignment of the log over
+        late = start.instance.values["delay"] + axis.actuation_delay - balance.believed_delay
+        widened = replace(axis, actuation_delay=balance.believed_delay).with_effect(
+            start.instance.replace(delay=max(late, 0.0))
+        )
+    free = balance.free(widened)
+    fit = balance.fit(widened, free, prior(free), iterations=6, tolerance=0.5)
     name = term.id + (f":{start.instance.signal}" if start.instance.signal else "")
     limit = threshold(balance, term, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
@@ -124,14 +140,16 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     return Candidate(name, gain, limit, fit)
 
 
-def one_round(balance: Balance, fit: Fit, pool: ThreadPoolExecutor) -> list[Candidate]:
+def one_round(
+    balance: Balance, fit: Fit, pool: ThreadPoolExecutor, barred: frozenset[str] = frozenset()
+) -> list[Candidate]:
     """All effects on top of a fit, the promising ones fitted jointly, best first."""
     background = Background(balance, fit.axis, fit.free)
     spread = dispersion(background)
     base = _judged(balance, fit)
     promising: list[Start] = []
     seen: dict[str, int] = {}
-    for start in all_starts(background, pool):
+    for start in all_starts(background, pool, barred):
         key = f"{start.instance.term.id}:{start.instance.signal}"
         term = start.instance.term
         limit = threshold(balance, term, start.count, start.looks)
@@ -152,12 +170,17 @@ def without(balance: Balance, fit: Fit, index: int) -> Fit:
     axis = fit.axis
     kept = tuple(item for i, item in enumerate(axis.effects) if i != index)
     fewer = replace(axis, effects=kept)
-    free = free_parameters(fewer, 1.0)
+    free = balance.free(fewer)
     return balance.fit(fewer, free, prior(free), iterations=5, tolerance=0.5)
 
 
-def select(balance: Balance, axis: Axis, progress: Progress | None = None) -> Selection:
-    """Forward selection with backward checks; noise and weights are estimated anew after each step."""
+def select(
+    balance: Balance, axis: Axis, progress: Progress | None = None, barred: frozenset[str] = frozenset()
+) -> Selection:
+    """Forward selection with backward checks and swaps; noise and weights are estimated anew after each step.
+
+    `barred` effects are never tried: the data cannot carry them. `progress` may raise to cancel.
+    """
     believed = len(axis.effects)
     retuned = settle(balance, axis)
     selection = Selection(retuned, retuned)
@@ -168,14 +191,41 @@ def select(balance: Balance, axis: Axis, progress: Progress | None = None) -> Se
                 progress(
                     0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
                 )
-            candidates = one_round(balance, fit, pool)
+            candidates = one_round(balance, fit, pool, barred)
             selection.rounds.append(candidates)
             if not candidates or candidates[0].score <= 0.0:
                 break
             fit = settle(balance, candidates[0].fit.axis, rounds=2)
             fit = prune(balance, fit, believed)
+        for index in range(believed, len(fit.axis.effects)):
+            if progress is not None:
+                progress(0.8, f"rivals of {fit.axis.effects[index].term.id}")
+            fit, rivals = contest(balance, fit, index, pool, barred)
+            selection.rivals.append(rivals)
     selection.chosen = fit
     return selection
+
+
+def contest(
+    balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor, barred: frozenset[str]
+) -> tuple[Fit, Rivals]:
+    """Let the rest of the vocabulary compete for one effect's place; swap where a rival does better."""
+    alone = without(balance, fit, index)
+    spread = max(1.0, fit.squares / balance.effective_count)
+    gain = (alone.squares - _judged(balance, fit).squares) / spread
+    item = fit.axis.effects[index]
+    name = item.term.id + (f":{item.signal}" if item.signal else "")
+    scale = max(1.0, alone.squares / balance.effective_count) / spread
+    candidates = [
+        replace(c, gain=c.gain * scale) for c in one_round(balance, alone, pool, barred) if c.name != name
+    ]
+    count = sum(f.owner == index for f in fit.free)
+    if candidates and candidates[0].score > gain - threshold(balance, item.term, count, 1.0) + 10.0:
+        best = candidates[0]
+        order = [*range(index), len(best.fit.axis.effects) - 1, *range(index, len(best.fit.axis.effects) - 1)]
+        swapped = replace(best.fit.axis, effects=tuple(best.fit.axis.effects[i] for i in order))
+        return settle(balance, swapped, rounds=1), Rivals(alone, best.gain, candidates[1:])
+    return fit, Rivals(alone, gain, candidates)
 
 
 def prune(balance: Balance, fit: Fit, believed: int) -> Fit:

@@ -233,10 +233,12 @@ def evaluate(
     signals: Any,
     resolution: float,
     out: Any,
+    stride: int = 1,
 ) -> None:
     """Walk through a measured motion. Shapes (n,); `signals` (s, n) holds temperature, then the exogenous signals.
 
-    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (n, 8) gets, each in N m
+    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (ceil(n / stride), 8) gets every stride-th
+    instant, each in N m
     unless said: torque that the motion requires at the rotor, torque the drive gives there, dry and viscous friction,
     available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
     """
@@ -272,11 +274,12 @@ def evaluate(
         for k in range(m.ends[0]):
             motion[TORQUE] = call_term(m, k, dt)
         friction, opposing = torques(m, dt)
-        out[i, REQUIRED] = motion[INERTIA] * a + friction + opposing
-        out[i, ROTOR] = motion[TORQUE]
-        out[i, DRY_PART] = motion[DRY]
-        out[i, VISCOUS_PART] = motion[VISCOUS]
-        out[i, AVAILABLE] = motion[LEVEL]
-        out[i, SHARE] = motion[MOBILISED]
-        out[i, OPPOSED] = opposing
-        out[i, MOVED] = motion[INERTIA]
+        if i % stride == 0:
+            out[i // stride, REQUIRED] = motion[INERTIA] * a + friction + opposing
+            out[i // stride, ROTOR] = motion[TORQUE]
+            out[i // stride, DRY_PART] = motion[DRY]
+            out[i // stride, VISCOUS_PART] = motion[VISCOUS]
+            out[i // stride, AVAILABLE] = motion[LEVEL]
+            out[i // stride, SHARE] = motion[MOBILISED]
+            out[i // stride, OPPOSED] = opposing
+            out[i // stride, MOVED] = motion[INERTIA]

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tcs_friction.diagnose.evidence import Evidence, Isolated, Look
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,
     MEASURED,
     MUTED,
     RETUNED,
-    Array,
     Picture,
     drawn,
     label,
@@ -52,61 +51,6 @@ WORDS = {
     "missing_physics": "physics is missing",
     "unexplained": "something outside the vocabulary remains",
 }
-
-
-@dataclass(frozen=True)
-class Look:
-    """The residual over one coordinate: bin centres x (k,), mean and its 95 % band (k,), torque unit."""
-
-    coordinate: str
-    unit: str
-    x: Array
-    mean: Array
-    band: Array
-    share: float  # of the residual's power
-    p_value: float
-
-
-@dataclass(frozen=True)
-class Isolated:
-    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,)."""
-
-    effect: str
-    coordinate: str
-    unit: str
-    x: Array
-    residual: Array
-    fitted: Array
-
-
-@dataclass(frozen=True)
-class RunnerUp:
-    """A hypothesis that lost: its score (drop of the held-out residual, torque unit) and why it lost."""
-
-    effect: str
-    score: float
-    reason: str
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """The arrays behind a diagnosis.
-
-    t (n,) s with the torque residuals (n,) of the model as believed, retuned, improved; `held_out` (n,) bool
-    marks what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as recorded.
-    """
-
-    t: Array
-    believed: Array
-    retuned: Array
-    improved: Array
-    held_out: Array
-    atlas: tuple[Look, ...] = ()
-    isolated: tuple[Isolated, ...] = ()
-    runners_up: tuple[RunnerUp, ...] = ()
-    torque_unit: str = "N m"
-    position_unit: str = "rad"
-    notes: tuple[str, ...] = ()
 
 
 def write_report(

@@ -1,0 +1,65 @@
+"""The arrays behind a diagnosis, for pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Look:
+    """The residual over one coordinate: bin centres x (k,), mean and its 95 % band (k,), torque unit."""
+
+    coordinate: str
+    unit: str
+    x: Array
+    mean: Array
+    band: Array
+    share: float  # of the residual's power
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Isolated:
+    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,)."""
+
+    effect: str
+    coordinate: str
+    unit: str
+    x: Array
+    residual: Array
+    fitted: Array
+
+
+@dataclass(frozen=True)
+class RunnerUp:
+    """A hypothesis that lost: its score (drop of the held-out residual, torque unit) and why it lost."""
+
+    effect: str
+    score: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The arrays behind a diagnosis.
+
+    t (n,) s with the torque residuals (n,) of the model as believed, retuned, improved; `held_out` (n,) bool
+    marks what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as recorded.
+    """
+
+    t: Array
+    believed: Array
+    retuned: Array
+    improved: Array
+    held_out: Array
+    atlas: tuple[Look, ...] = ()
+    isolated: tuple[Isolated, ...] = ()
+    runners_up: tuple[RunnerUp, ...] = ()
+    torque_unit: str = "N m"
+    position_unit: str = "rad"
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,119 @@
+"""The result of a diagnosis and its JSON form (schema tcs_friction/diagnosis/1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.evidence import Evidence
+from tcs_friction.physics.terms import Instance
+
+SCHEMA = "tcs_friction/diagnosis/1"
+VERDICTS = ("match", "parameters", "missing_physics", "unexplained")
+
+
+@dataclass(frozen=True)
+class Found:
+    """One effect that the model lacked.
+
+    parameters: name -> value, std, unit. torque_rms: of the effect over the recording, N m. before, after: held-out rms of
+    the torque residual without and with it, the rest refitted. delta_bic: negative is better.
+    """
+
+    instance: Instance
+    equivalent: tuple[str, ...]
+    probability: float
+    parameters: Mapping[str, Mapping[str, Any]]
+    where: Mapping[str, Any]
+    torque_rms: float
+    before: float
+    after: float
+    delta_bic: float
+
+    @property
+    def effect(self) -> str:
+        """Its id in the vocabulary."""
+        return self.instance.term.id
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        content: dict[str, Any] = {
+            "effect": self.effect,
+            "equivalent": list(self.equivalent),
+            "probability": self.probability,
+            "parameters": {name: dict(value) for name, value in self.parameters.items()},
+            "where": dict(self.where),
+            "subsystem": self.instance.term.subsystem,
+            "torque_rms": self.torque_rms,
+            "gain": {
+                "held_out_before": self.before,
+                "held_out_after": self.after,
+                "delta_bic": self.delta_bic,
+            },
+        }
+        if self.instance.signal is not None:
+            content["signal"] = self.instance.signal
+        return content
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What nothing in the vocabulary explains."""
+
+    present: bool = False
+    torque_rms: float = 0.0
+    where: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Train and held-out rms of a torque residual, N m."""
+
+    train: float
+    held_out: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a diagnosis found. `axis_file` is the improved axis, ready to simulate; `evidence` draws the report."""
+
+    verdict: str
+    statement: str
+    effects: tuple[Found, ...]
+    unexplained: Unexplained
+    noise_floor: float
+    believed: Errors
+    retuned: Errors
+    improved: Errors
+    horizon: float
+    free_run: Mapping[str, float]
+    atlas: tuple[Mapping[str, Any], ...]
+    next_experiment: Mapping[str, Any] | None
+    limits: tuple[str, ...]
+    axis_file: AxisFile
+    evidence: Evidence
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The content of diagnosis.json."""
+        fit: dict[str, Any] = {"noise_floor": self.noise_floor}
+        for name in ("believed", "retuned", "improved"):
+            errors: Errors = getattr(self, name)
+            fit[name] = {"train": errors.train, "held_out": errors.held_out}
+        return {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "statement": self.statement,
+            "effects": [found.to_mapping() for found in self.effects],
+            "unexplained": {
+                "present": self.unexplained.present,
+                "torque_rms": self.unexplained.torque_rms,
+                "where": None if self.unexplained.where is None else dict(self.unexplained.where),
+            },
+            "fit": fit,
+            "free_run": {"horizon": self.horizon, "position_rms": dict(self.free_run)},
+            "atlas": [dict(entry) for entry in self.atlas],
+            "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
+            "limits": list(self.limits),
+        }

@@ -1,0 +1,62 @@
+"""The one sentence a control engineer would say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tcs_friction.diagnose.result import Errors, Found, Unexplained
+from tcs_friction.physics.terms import Place, Role
+
+
+def statement(
+    verdict: str,
+    effects: Sequence[Found],
+    unexplained: Unexplained,
+    errors: Mapping[str, Errors],
+    noise_floor: float,
+    limits: Sequence[str],
+    kind: str,
+) -> str:
+    """What was found, how much it matters, how well it is proven, what the data cannot say."""
+    unit = "N m" if kind == "rotary" else "N"
+    held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
+    floor = f"noise floor {noise_floor:.3g} {unit}"
+    if verdict == "match":
+        text = f"The model matches the recording: its residual on held-out data, {held['believed']} {unit}, is noise ({floor})."
+    elif verdict == "parameters":
+        text = (
+            f"No physics is missing, but parameters are off: retuning takes the held-out residual from {held['believed']}"
+            f" to {held['retuned']} {unit} ({floor})."
+        )
+    else:
+        names = " and ".join(_phrase(found, unit) for found in effects)
+        gain = f"the held-out residual falls from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
+        if verdict == "missing_physics":
+            text = f"The model lacks {names}: with {'it' if len(effects) == 1 else 'them'} {gain}."
+        else:
+            over = " and ".join((unexplained.where or {}).get("coordinates", []))
+            text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
+            text += f", beside {names}" if names else ""
+            text += f"; with a learned map {gain}: look at what changes with {over}."
+    cancel = [f.effect for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)]
+    if cancel:
+        text += f" A feed-forward compensator can cancel {', '.join(cancel)}."
+    return text + "".join(f" Not to be judged from this: {line}." for line in limits)
+
+
+def _phrase(found: Found, unit: str) -> str:
+    """An effect with its most telling numbers."""
+    parts = []
+    for parameter in found.instance.term.parameters:
+        entry = found.parameters.get(parameter.name)
+        if (
+            entry is None
+            or parameter.role is Role.PHASE
+            or "_" in parameter.name.replace("time_constant", "")
+        ):
+            continue
+        parts.append(f"{parameter.name} {entry['value']:.4g} {entry['unit']}".rstrip())
+    numbers = f" ({', '.join(parts[:3])}; {found.torque_rms:.3g} {unit} rms)"
+    doubt = f", which this data cannot tell from {' or '.join(found.equivalent)}" if found.equivalent else ""
+    signal = f" from {found.instance.signal}" if found.instance.signal else ""
+    return found.effect.replace("_", " ") + signal + numbers + doubt

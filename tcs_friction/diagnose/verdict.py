@@ -1,0 +1,356 @@
+"""The diagnosis from recordings to verdict: condition, retune, locate, hypothesise, select, prove."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.atlas import AtlasEntry, atlas
+from tcs_friction.diagnose.balance import Balance, Fit
+from tcs_friction.diagnose.condition import Conditioned, condition
+from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
+from tcs_friction.diagnose.experiment import next_experiment
+from tcs_friction.diagnose.limits import barred, check_units, limits
+from tcs_friction.diagnose.proof import free_run, usable_horizon
+from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.selection import Rivals, Selection, chance, select, settle
+from tcs_friction.diagnose.statement import statement
+from tcs_friction.diagnose.structure import Structure, remaining_structure
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import Instance, Role, instance
+from tcs_friction.recording.recording import Recording
+
+RETUNED = 1.05  # the believed residual over the retuned one from which parameters are called wrong
+SAME = 2.0 * math.log(100.0)  # gain by which an effect must beat a rival to be told from it: odds of 100 to 1
+PLOTTED = 6000  # samples in pictures
+
+Progress = Callable[[float, str], None]
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    file: AxisFile,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find what the axis file lacks against recordings of the real axis.
+
+    Held-out data are cut off before anything is fitted or chosen. `progress(share, what)` may raise to cancel.
+
+    Raises InputError when the recordings cannot carry a torque balance.
+    """
+
+    def tell(share: float, what: str) -> None:
+        if progress is not None:
+            progress(share, what)
+
+    tell(0.02, "conditioning the recording")
+    data = condition(recordings)
+    check_units(data, file.axis)
+    balance = Balance(data, file.axis.actuation_delay)
+    tell(0.1, "retuning what the model has")
+    selection = select(balance, file.axis, tell, barred(data, file.axis))
+    tell(0.85, "looking for structure that remains")
+    fit, structure = _with_structure(balance, selection)
+    tell(0.92, "proving on held-out data")
+    return _Judge(data, balance, file, selection, fit, structure, seed).diagnosis()
+
+
+def _with_structure(balance: Balance, selection: Selection) -> tuple[Fit, Structure | None]:
+    """The chosen fit with a learned map where significant structure remains."""
+    fit = selection.chosen
+    structure = remaining_structure(balance, fit)
+    if structure is None or structure.table is None:
+        return fit, structure
+    mapped = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
+    return settle(balance, mapped, rounds=1), structure
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """Everything a verdict needs, and the verdict."""
+
+    data: Conditioned
+    balance: Balance
+    file: AxisFile
+    selection: Selection
+    fit: Fit
+    structure: Structure | None
+    seed: int
+
+    def diagnosis(self) -> Diagnosis:
+        axes = {"believed": self.file.axis, "retuned": self.selection.retuned.axis, "improved": self.fit.axis}
+        residuals = {name: self.balance.residual(axis) for name, axis in axes.items()}
+        errors = {name: self._errors(residual) for name, residual in residuals.items()}
+        located = atlas(self.balance, self.selection.retuned.axis, residuals["retuned"])
+        found = tuple(self._found(i) for i in range(len(self.file.axis.effects), len(self._vocabulary())))
+        found = tuple(sorted(found, key=lambda f: -f.torque_rms))
+        verdict = self._verdict(errors)
+        floor = self.balance.noise_floor(residuals["improved"])
+        unexplained = self._unexplained()
+        runs = {name: free_run(self.data, axis) for name, axis in axes.items()}
+        lines = limits(self.data, self.file.axis)
+        return Diagnosis(
+            verdict=verdict,
+            statement=statement(verdict, found, unexplained, errors, floor, lines, self.file.axis.kind),
+            effects=found,
+            unexplained=unexplained,
+            noise_floor=floor,
+            believed=errors["believed"],
+            retuned=errors["retuned"],
+            improved=errors["improved"],
+            horizon=usable_horizon(self.data),
+            free_run=runs,
+            atlas=tuple(_atlas_mapping(entry) for entry in located),
+            next_experiment=self._experiment(found, floor),
+            limits=lines,
+            axis_file=self.file.with_axis(self.fit.axis),
+            evidence=self._evidence(residuals, located),
+        )
+
+    def _vocabulary(self) -> list[Instance]:
+        """Effects of the improved axis without the learned map."""
+        return [item for item in self.fit.axis.effects if not item.term.tabulated]
+
+    def _errors(self, residual: np.ndarray) -> Errors:
+        train, held = residual[self.balance.train], residual[self.balance.held_out]
+        return Errors(_rms(train), _rms(held) if len(held) else _rms(train))
+
+    def _verdict(self, errors: Mapping[str, Errors]) -> str:
+        if self.structure is not None:
+            return "unexplained"
+        if len(self.fit.axis.effects) > len(self.file.axis.effects):
+            return "missing_physics"
+        white = self.balance.whiten(self.balance.residual(self.file.axis))
+        spread = max(1.0, self.fit.squares / self.balance.effective_count)
+        gain = (float(white @ white) - self.fit.squares) / spread
+        needed = chance(self.balance, len(self.fit.free), 1.0)
+        worse = errors["believed"].train > RETUNED * errors["retuned"].train
+        return "parameters" if gain > needed and worse else "match"
+
+    def _unexplained(self) -> Unexplained:
+        if self.structure is None:
+            return Unexplained()
+        s = self.structure
+        where = {
+            "coordinate": s.coordinates[0],
+            "coordinates": list(s.coordinates),
+            "range": None,
+            "period": s.period,
+            "frequency": None,
+        }
+        return Unexplained(True, s.torque_rms, where)
+
+    def _found(self, index: int) -> Found:
+        item = self._vocabulary()[index]
+        position = index - len(self.file.axis.effects)
+        rivals = self.selection.rivals[position] if position < len(self.selection.rivals) else None
+        equivalent = _equivalent(item, rivals)
+        alone = rivals.without if rivals is not None else self.selection.retuned
+        before, after = self.balance.residual(alone.axis), self.balance.residual(self.fit.axis)
+        held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
+        others = tuple(e for e in self.fit.axis.effects if e is not item)
+        effect_torque = self.balance.residual(_with_effects(self.fit.axis, others)) - after
+        count = sum(f.owner == index for f in self.fit.free)
+        gain = rivals.gain if rivals is not None else 0.0
+        penalty = count * math.log(self.balance.effective_count)
+        certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), 30.0))
+        return Found(
+            instance=item,
+            equivalent=equivalent,
+            probability=certainty / (1 + len(equivalent)),
+            parameters=self._parameters(index, item),
+            where=_where(item, self.fit.axis),
+            torque_rms=_rms(effect_torque),
+            before=_rms(before[held]),
+            after=_rms(after[held]),
+            delta_bic=penalty - gain,
+        )
+
+    def _parameters(self, index: int, item: Instance) -> dict[str, dict[str, Any]]:
+        spread = max(1.0, self.fit.squares / self.balance.effective_count)
+        variance = {(f.name, f.kind): i for i, f in enumerate(self.fit.free) if f.owner == index}
+        covariance = self.fit.covariance * spread
+        kind = self.fit.axis.kind
+        result: dict[str, dict[str, Any]] = {}
+        for parameter in item.term.parameters:
+            value = item.values[parameter.name]
+            if parameter.role is Role.FIXED or value == parameter.default:
+                continue
+            deviation = _deviation(parameter.name, parameter.role, item, variance, covariance)
+            if deviation is None:
+                continue
+            result[parameter.name] = {"value": value, "std": deviation, "unit": parameter.unit_for(kind)}
+        return result
+
+    def _experiment(self, found: Sequence[Found], floor: float) -> dict[str, Any] | None:
+        for position, item in enumerate(found):
+            if not item.equivalent or position >= len(self.selection.rivals):
+                continue
+            rivals = next((r for r in self.selection.rivals if _names(r, item.equivalent[0])), None)
+            if rivals is None:
+                continue
+            other = next(c for c in rivals.candidates if c.name.split(":")[0] == item.equivalent[0])
+            base = rivals.without.axis
+            experiment = next_experiment(base, item.instance, other.fit.axis.effects[-1], self.data, floor)
+            if experiment is not None:
+                return experiment
+        return None
+
+    def _evidence(self, residuals: Mapping[str, np.ndarray], located: Sequence[AtlasEntry]) -> Evidence:
+        t = self.data.joined("t")
+        step = max(1, len(t) // PLOTTED)
+        thin = slice(None, None, step)
+        looks = tuple(
+            Look(e.coordinate, e.unit, e.x, e.mean, e.band, e.share, e.p_value)
+            for e in located
+            if len(e.x) > 1
+        )
+        linear = self.file.axis.kind == "linear"
+        return Evidence(
+            t=t[thin],
+            believed=residuals["believed"][thin],
+            retuned=residuals["retuned"][thin],
+            improved=residuals["improved"][thin],
+            held_out=self.balance.held_out[thin],
+            atlas=looks,
+            isolated=tuple(
+                self._isolated(item, residuals["improved"], thin) for item in self.fit.axis.effects
+            ),
+            runners_up=self._runners_up(),
+            torque_unit="N" if linear else "N m",
+            position_unit="m" if linear else "rad",
+            notes=self.data.notes,
+        )
+
+    def _isolated(self, item: Instance, improved: np.ndarray, thin: slice) -> Isolated:
+        """What is left when all but this effect is taken away, against the effect's coordinate."""
+        others = tuple(e for e in self.fit.axis.effects if e is not item)
+        torque = improved - self.balance.residual(_with_effects(self.fit.axis, others))
+        coordinate, unit, x = _coordinate(self.data, item)
+        return Isolated(item.term.id, coordinate, unit, x[thin], (torque - improved)[thin], torque[thin])
+
+    def _runners_up(self) -> tuple[RunnerUp, ...]:
+        """Hypotheses that lost, with the reason."""
+        lost: dict[str, RunnerUp] = {}
+        chosen = {item.term.id for item in self.fit.axis.effects}
+        for rivals in self.selection.rivals:
+            for c in rivals.candidates:
+                name = c.name.split(":")[0]
+                if name in chosen or name in lost:
+                    continue
+                behind = rivals.gain - c.gain
+                lost[name] = RunnerUp(
+                    name, c.gain, f"explains {c.gain:.4g} of {rivals.gain:.4g}: {behind:.3g} behind"
+                )
+        for c in self.selection.rounds[-1] if self.selection.rounds else []:
+            name = c.name.split(":")[0]
+            if name not in chosen and name not in lost:
+                lost[name] = RunnerUp(
+                    name, c.gain, f"gains {c.gain:.3g}; chance and smoothing may give {c.threshold:.3g}"
+                )
+        return tuple(sorted(lost.values(), key=lambda r: -r.score)[:8])
+
+
+def _names(rivals: Rivals, name: str) -> bool:
+    return any(c.name.split(":")[0] == name for c in rivals.candidates)
+
+
+def _equivalent(item: Instance, rivals: Rivals | None) -> tuple[str, ...]:
+    """Ids that these data cannot tell from the effect."""
+    if rivals is None:
+        return ()
+    close = [c.name.split(":")[0] for c in rivals.candidates if c.gain > rivals.gain - SAME]
+    return tuple(dict.fromkeys(name for name in close if name != item.term.id))
+
+
+def _with_effects(axis: Axis, effects: tuple[Instance, ...]) -> Axis:
+    return replace(axis, effects=effects)
+
+
+def _rms(x: np.ndarray) -> float:
+    return math.sqrt(float(np.mean(x**2))) if len(x) else 0.0
+
+
+def _deviation(
+    name: str, role: Role, item: Instance, index: Mapping[tuple[str, str], int], covariance: np.ndarray
+) -> float | None:
+    """Standard deviation of one parameter, None if it was not free."""
+    value = item.values[name]
+    if (name, "log") in index:
+        return abs(value) * math.sqrt(covariance[index[name, "log"]][index[name, "log"]])
+    if (name, "plain") in index:
+        return math.sqrt(covariance[index[name, "plain"]][index[name, "plain"]])
+    amplitude = name
+    if role is Role.PHASE:
+        amplitude = name.replace("phase", "amplitude")
+    if (amplitude, "cosine") not in index:
+        return None
+    both = [index[amplitude, "cosine"], index[amplitude, "sine"]]
+    block = covariance[np.ix_(both, both)]
+    size = max(item.values[amplitude], 1e-300)
+    phase = item.values[name] if role is Role.PHASE else item.values[amplitude.replace("amplitude", "phase")]
+    along = np.array([math.cos(phase), math.sin(phase)])
+    across = np.array([-math.sin(phase), math.cos(phase)]) / size
+    direction = across if role is Role.PHASE else along
+    return math.sqrt(max(float(direction @ block @ direction), 0.0))
+
+
+def _where(item: Instance, axis: Axis) -> dict[str, Any]:
+    """Coordinate, range, period and frequency at which the effect shows."""
+    where: dict[str, Any] = {
+        "coordinate": item.term.coordinate,
+        "range": None,
+        "period": None,
+        "frequency": None,
+    }
+    values = item.values
+    if item.term.coordinate == "exogenous":
+        where["coordinate"] = f"exogenous:{item.signal}"
+    if item.term.periodic == "position":
+        where["period"] = 2.0 * math.pi / (values["order"] * axis.cycle)
+    if "frequency" in values:
+        where["frequency"] = values["frequency"]
+    if item.term.local:
+        where["range"] = [values["centre"] - values["width"], values["centre"] + values["width"]]
+    if item.term.id == "load_step":
+        where["range"] = [values["time"], None]
+    return where
+
+
+def _coordinate(data: Conditioned, item: Instance) -> tuple[str, str, np.ndarray]:
+    """Name, unit and values of the coordinate to draw an effect over."""
+    names = {
+        "position": ("position", "rad"),
+        "velocity": ("velocity", "rad/s"),
+        "direction": ("velocity", "rad/s"),
+        "acceleration": ("acceleration", "rad/s^2"),
+        "torque": ("torque", "N m"),
+    }
+    coordinate = item.term.coordinate
+    if coordinate == "temperature":
+        return coordinate, "degC", data.joined("signals")[0]
+    if coordinate == "exogenous" and item.signal in data.names:
+        return f"exogenous:{item.signal}", "", data.joined("signals")[1 + data.names.index(item.signal)]
+    if coordinate in names:
+        name, unit = names[coordinate]
+        return name, unit, data.joined(name)
+    return "time", "s", data.joined("t")
+
+
+def _atlas_mapping(entry: AtlasEntry) -> dict[str, Any]:
+    return {
+        "coordinate": entry.coordinate,
+        "statistic": entry.statistic,
+        "p_value": entry.p_value,
+        "range": None if entry.range is None else list(entry.range),
+        "period": entry.period,
+        "share": entry.share,
+    }
+
