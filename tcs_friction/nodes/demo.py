@@ -46,7 +46,9 @@ def commission(
     when a node dies or a step fails, KeyboardInterrupt when interrupted.
     """
     own_domain()
-    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0", "-p", f"seed:={seed}"])
+    tell(0.0, "starting the graph (a minute the first time: kernels are compiled)")
+    quiet = ["--log-level", "warn"]
+    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0", "-p", f"seed:={seed}", *quiet])
     children = graph.start_processes(arguments, NODES) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):
