@@ -12,6 +12,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 
 MOVING = 3.0  # times the velocity noise
+FEWEST = 20  # samples that move
 SCARCE = 0.01  # share of the moving time in a direction that counts as none
 ONE_SPEED = 1.5  # fastest over slowest speed
 SHORT = 20.0  # s
@@ -46,11 +47,13 @@ def barred(data: Conditioned, axis: Axis) -> frozenset[str]:
 
 
 def check_units(data: Conditioned, axis: Axis) -> None:
-    """Refuse a torque of the wrong sign and a position in another unit than the axis file's, in one line.
+    """Refuse data without motion, a torque of the wrong sign and a position in another unit than the axis file's, in one line.
 
     Raises InputError. Judged by a plain balance of torque with acceleration, direction and speed, and only where every quarter
     of the data (interleaved blocks) that can tell agrees. A wrong guess of the inertia or an effort in ampere is no reason.
     """
+    if len(_moving(data)) < FEWEST:
+        raise InputError("signal position", "nothing but noise in it", "a recording in which the axis moves")
     count = len(data.joined("torque"))
     block = np.arange(count) * BLOCKS // count
     parts = [plain_balance(data, block % QUARTERS == k) for k in range(QUARTERS)]
@@ -97,11 +100,16 @@ def plain_balance(data: Conditioned, rows: np.ndarray) -> tuple[float, float] | 
 
 
 def _found(data: Conditioned, axis: Axis) -> list[Limit]:
-    velocity = data.joined("velocity")
-    moving = velocity[np.abs(velocity) > MOVING * data.velocity_noise]
-    if len(moving) < 20:
+    moving = _moving(data)
+    if len(moving) < FEWEST:
         return [Limit("the axis hardly moves: nothing but torques at rest can be judged", SPEEDS | REVERSING | ACCELERATING)]
     return [*_direction(data, moving), *_speed(moving, axis), *_acceleration(data, axis), *_extent(data, axis)]
+
+
+def _moving(data: Conditioned) -> np.ndarray:
+    """Velocities that stand out of their noise."""
+    velocity = data.joined("velocity")
+    return np.asarray(velocity[np.abs(velocity) > MOVING * data.velocity_noise])
 
 
 def _direction(data: Conditioned, moving: np.ndarray) -> list[Limit]:
