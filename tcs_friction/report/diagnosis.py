@@ -232,7 +232,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     ]
     unit = evidence.torque_unit
     horizon = free.get("horizon")
-    after = f" after {horizon:g} s" if horizon else ""
+    after = f", rms over {horizon:g} s" if horizon else ""
     head = [
         "model",
         f"residual, train ({unit})",
