@@ -232,7 +232,7 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
     if not len(grid):
         return []
     name = term.parameters[0].name
-    excess = _excess(score)
+    excess = _excess(score) if term.periodic == "time" else np.ones(len(score))
     tries: list[int] = []
     spacing = 3
     for index in np.argsort(score / excess)[::-1]:
@@ -257,7 +257,7 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
 def _excess(score: np.ndarray) -> np.ndarray:
     """Running median of a spectrum of gains over what its chi-squared of two would have, at least one.
 
-    A noise spectrum that is too smooth for a narrow resonance or line of noise shows here.
+    A noise spectrum that is too smooth for a narrow resonance of the noise shows here.
     """
     width = min(max(len(score) // 200, 101), 2001)
     return np.maximum(ndimage.median_filter(score, width, mode="nearest") / (2.0 * math.log(2.0)), 1.0)
