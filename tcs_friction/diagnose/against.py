@@ -30,7 +30,9 @@ def signals_of(bag: Path) -> SignalMap:
     block = bag_info(bag).signals
     for name in ("position", "torque"):
         if name not in block:
-            raise InputError(str(bag), f"no topic looks like a {name}", "an axis file that names the signals (--axis)")
+            raise InputError(
+                str(bag), f"no topic looks like a {name}", "an axis file that names the signals (--axis)"
+            )
     return SignalMap.from_mapping(block, str(bag))
 
 
@@ -53,7 +55,9 @@ def believed_from_simulation(
     if not found.parameters["stiffness"].determined:
         found = identify(recordings, start, "default", LAWS[1], seed)
     if not any(item.determined for item in found.parameters.values()):
-        raise InputError(str(simulation), "does not determine any friction law", "a simulation with reversals and speeds")
+        raise InputError(
+            str(simulation), "does not determine any friction law", "a simulation with reversals and speeds"
+        )
     line = (
         f"{simulation} behaves like {found.law} with an inertia of {found.inertia.value:.4g} {found.inertia.unit} "
         f"(left over: {found.rmse.held_out:.3g} {found.offset.unit} rms)"

@@ -116,7 +116,9 @@ def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
         item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in values.items()})
         for item, values in zip(axis.effects, effects, strict=True)
     )
-    return replace(axis, friction=axis.friction.replace(**law), effects=items, **own)
+    friction = axis.friction.replace(**law)
+    inertia, delay = own["inertia"], own["actuation_delay"]
+    return replace(axis, inertia=inertia, actuation_delay=delay, friction=friction, effects=items)
 
 
 def _bounded(parameter: Parameter, value: float) -> float:
@@ -125,7 +127,7 @@ def _bounded(parameter: Parameter, value: float) -> float:
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a joint fit: the axis, its free numbers with covariance (whitened), and the whitened sum of squares on train data."""
+    """A joint fit: the axis, its free numbers with covariance (whitened), the whitened sum of squares on train data."""
 
     axis: Axis
     free: tuple[Free, ...]
@@ -178,7 +180,16 @@ class Balance:
                 axis, data.dt / data.stride, signals=data.names, position=float(s.position[0])
             )
             machine.evaluate(
-                compiled, s.t, s.position, s.velocity, s.acceleration, s.torque, s.signals, resolution, out, data.stride
+                compiled,
+                s.t,
+                s.position,
+                s.velocity,
+                s.acceleration,
+                s.torque,
+                s.signals,
+                resolution,
+                out,
+                data.stride,
             )
             parts.append(out)
         self.evaluations += 1

@@ -152,7 +152,7 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     )
     velocity_noise = noise * 2.0 * math.pi * cutoff * math.sqrt(2.0 * dt * cutoff / 3.0)
     names = tuple(recordings[0].exogenous)
-    parts = [_filtered(r, piece, dt, cutoff, step) for (r, _), piece in zip(long, uniform, strict=True)]
+    parts = [_filtered(piece, dt, cutoff, step) for piece in uniform]
     sizes = [-(-len(part["t"]) // stride) for part in parts]
     masks = (
         _hold_out([r for r, _ in long], sizes, len(recordings))
@@ -250,7 +250,6 @@ def _uniform(r: Recording, s: slice, dt: float) -> tuple[np.ndarray, np.ndarray,
 
 
 def _filtered(
-    r: Recording,
     piece: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     dt: float,
     cutoff: float,

@@ -64,9 +64,7 @@ def next_experiment(
     if best.difference < max(MATERIAL * own, 0.3 * noise_floor):
         return None
     unit = "N m" if axis.kind == "rotary" else "N"
-    why = (
-        f"{best.words}: {a.term.id} and {b.term.id} then differ by {best.difference:.3g} {unit} rms that no retuning absorbs"
-    )
+    why = f"{best.words}: {a.term.id} and {b.term.id} then differ by {best.difference:.3g} {unit} rms that no retuning absorbs"
     return {
         "reference": dict(best.reference),
         "separates": [a.term.id, b.term.id],
@@ -77,7 +75,9 @@ def next_experiment(
 
 def reference_text(experiment: Mapping[str, Any]) -> str:
     """The experiment as a reference file; why is a comment on top."""
-    return f"# {experiment['why']}\n" + yaml.safe_dump({"reference": experiment["reference"]}, sort_keys=False)
+    return f"# {experiment['why']}\n" + yaml.safe_dump(
+        {"reference": experiment["reference"]}, sort_keys=False
+    )
 
 
 def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], str]]:
@@ -91,11 +91,21 @@ def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], 
     slow, fast = (float(x) for x in np.percentile(moving, [5, 99]))
     hardest = float(np.percentile(np.abs(data.joined("acceleration")), 99))
     unit = "rad/s" if axis.kind == "rotary" else "m/s"
-    speeds = (("slow", slow), ("medium", math.sqrt(slow * fast)), ("fast", fast), ("twice as fast as recorded", FASTER * fast))
+    speeds = (
+        ("slow", slow),
+        ("medium", math.sqrt(slow * fast)),
+        ("fast", fast),
+        ("twice as fast as recorded", FASTER * fast),
+    )
     for name, top in speeds:
         period = min(max(10.0, 2.0 * math.pi * top / hardest), 2.0 * math.pi * half / top)
         yield (
-            {"kind": "sinusoid", "amplitude": top * period / (2.0 * math.pi), "period": period, "center": middle},
+            {
+                "kind": "sinusoid",
+                "amplitude": top * period / (2.0 * math.pi),
+                "period": period,
+                "center": middle,
+            },
             f"{name} sinusoid, up to {top:.3g} {unit}",
         )
         reversal = 4.0 * top / hardest

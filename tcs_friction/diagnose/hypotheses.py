@@ -63,7 +63,7 @@ class Background:
 
     def column(self, item: Instance) -> np.ndarray:
         """Change of the residual (n,) when the effect is added as it is."""
-        return self.balance.residual(self.axis.with_effect(item)) - self.residual
+        return np.asarray(self.balance.residual(self.axis.with_effect(item)) - self.residual)
 
     def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """Drop of squares for projected whitened columns (rows, k), and the amplitudes (k,) that give it."""
@@ -152,8 +152,8 @@ def starts(
         looks *= view.span / min(scan["width"] for scan in scans)
         scans = _local_scans(background, scans, term)
     judge = _judge_linear if linear else _judge_directly
-    found = list(pool.map(lambda values: judge(background, term, values, signal_name, looks), scans))
-    found = [start for start in found if start is not None and start.gain > 0.0]
+    judged = pool.map(lambda values: judge(background, term, values, signal_name, looks), scans)
+    found = [start for start in judged if start is not None and start.gain > 0.0]
     return sorted(found, key=lambda start: -start.gain)[:2]
 
 
@@ -260,7 +260,9 @@ def _excess(score: np.ndarray) -> np.ndarray:
     A noise spectrum that is too smooth for a narrow resonance of the noise shows here.
     """
     width = min(max(len(score) // 200, 101), 2001)
-    return np.maximum(ndimage.median_filter(score, width, mode="nearest") / (2.0 * math.log(2.0)), 1.0)
+    return np.asarray(
+        np.maximum(ndimage.median_filter(score, width, mode="nearest") / (2.0 * math.log(2.0)), 1.0)
+    )
 
 
 def _pruned(background: Background, start: Start, looks: float) -> Start:
@@ -350,9 +352,9 @@ def _order_range(term: Term, span: float, view: Survey, cycle: float) -> tuple[f
 def _carrier(background: Background, term: Term, flat: Mapping[str, float]) -> np.ndarray:
     """Torque of the effect per unit of its shape, (n,), from values at which the shape is flat."""
     if term.place is Place.SENSOR:
-        return background.axis.inertia * background.balance.data.joined("velocity") ** 2
+        return np.asarray(background.axis.inertia * background.balance.data.joined("velocity") ** 2)
     unit = next(p for p in term.parameters if p.role is Role.LINEAR).unit
-    return background.column(probe(term, flat, None, 1.0)[0]) / _unit_size(unit)
+    return np.asarray(background.column(probe(term, flat, None, 1.0)[0]) / _unit_size(unit))
 
 
 def _local_norm(balance: Balance, carrier: np.ndarray, speed: np.ndarray, grid: np.ndarray) -> np.ndarray:

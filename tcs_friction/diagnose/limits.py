@@ -20,9 +20,13 @@ FEW_REVERSALS = 4
 STRAIGHT = 0.01  # rms of inertial torque over that of the torque
 BLOCKS, QUARTERS = 32, 4  # of the data, interleaved
 
-REVERSING = frozenset({"coulomb_asymmetry", "viscous_asymmetry", "presliding", "cable_hysteresis", "backlash"})
+REVERSING = frozenset(
+    {"coulomb_asymmetry", "viscous_asymmetry", "presliding", "cable_hysteresis", "backlash"}
+)
 SPEEDS = frozenset({"stribeck", "quadratic_drag", "viscous_asymmetry"})
-ACCELERATING = frozenset({"flexible_mode", "position_dependent_inertia", "actuator_lag", "transport_delay", "backlash"})
+ACCELERATING = frozenset(
+    {"flexible_mode", "position_dependent_inertia", "actuator_lag", "transport_delay", "backlash"}
+)
 SLOW = frozenset({"warmup_drift", "temperature_dependent_friction"})
 WIRING = {57.29578: "degrees", 1.0 / 57.29578: "rad where the axis file has degrees"}
 LINEAR_WIRING = {1e3: "mm", 1e-3: "m where the axis file has mm"}
@@ -102,8 +106,18 @@ def plain_balance(data: Conditioned, rows: np.ndarray) -> tuple[float, float] | 
 def _found(data: Conditioned, axis: Axis) -> list[Limit]:
     moving = _moving(data)
     if len(moving) < FEWEST:
-        return [Limit("the axis hardly moves: nothing but torques at rest can be judged", SPEEDS | REVERSING | ACCELERATING)]
-    return [*_direction(data, moving), *_speed(moving, axis), *_acceleration(data, axis), *_extent(data, axis)]
+        return [
+            Limit(
+                "the axis hardly moves: nothing but torques at rest can be judged",
+                SPEEDS | REVERSING | ACCELERATING,
+            )
+        ]
+    return [
+        *_direction(data, moving),
+        *_speed(moving, axis),
+        *_acceleration(data, axis),
+        *_extent(data, axis),
+    ]
 
 
 def _moving(data: Conditioned) -> np.ndarray:

@@ -109,9 +109,7 @@ def _held_out(data: Conditioned) -> list[list[tuple[int, int]]]:
 
 def _windows(runs: list[list[tuple[int, int]]], length: int) -> list[np.ndarray]:
     """First samples of the windows in each stretch: end to end, then every n-th so that WINDOWS are left."""
-    begins = [
-        [a + k * length for a, b in mask for k in range((b - a - 1) // length)] for mask in runs
-    ]
+    begins = [[a + k * length for a, b in mask for k in range((b - a - 1) // length)] for mask in runs]
     every = max(1, math.ceil(sum(map(len, begins)) / WINDOWS))
     offset, result = 0, []
     for some in begins:

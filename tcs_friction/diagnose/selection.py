@@ -26,7 +26,7 @@ FALSE_ALARM = 1e-3  # chance over the whole vocabulary
 MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
-MOST = 6  # effects
+MOST = 5  # effects
 PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
 Progress = Callable[[float, str], None]
 
@@ -177,7 +177,7 @@ def without(balance: Balance, fit: Fit, index: int) -> Fit:
 def select(
     balance: Balance, axis: Axis, progress: Progress | None = None, barred: frozenset[str] = frozenset()
 ) -> Selection:
-    """Forward selection with backward checks and swaps; noise and weights are estimated anew after each step.
+    """Forward selection with backward checks; noise and weights are estimated anew after each step.
 
     `barred` effects are never tried: the data cannot carry them. `progress` may raise to cancel.
     """
@@ -197,13 +197,22 @@ def select(
                 break
             fit = settle(balance, candidates[0].fit.axis, rounds=2)
             fit = prune(balance, fit, believed)
+    selection.chosen = fit
+    return selection
+
+
+def contend(
+    balance: Balance, selection: Selection, believed: int, progress: Progress | None, barred: frozenset[str]
+) -> None:
+    """Let the vocabulary compete for the place of every chosen effect; keeps the rivals."""
+    fit = selection.chosen
+    with ThreadPoolExecutor(2) as pool:
         for index in range(believed, len(fit.axis.effects)):
             if progress is not None:
                 progress(0.8, f"rivals of {fit.axis.effects[index].term.id}")
             fit, rivals = contest(balance, fit, index, pool, barred)
             selection.rivals.append(rivals)
     selection.chosen = fit
-    return selection
 
 
 def contest(

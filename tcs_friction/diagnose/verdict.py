@@ -18,7 +18,7 @@ from tcs_friction.diagnose.experiment import next_experiment
 from tcs_friction.diagnose.limits import barred, check_units, limits
 from tcs_friction.diagnose.proof import free_run, usable_horizon
 from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
-from tcs_friction.diagnose.selection import Rivals, Selection, chance, select, settle
+from tcs_friction.diagnose.selection import Rivals, Selection, chance, contend, select, settle
 from tcs_friction.diagnose.statement import statement
 from tcs_friction.diagnose.structure import Structure, remaining_structure
 from tcs_friction.physics.axis import Axis
@@ -28,6 +28,7 @@ from tcs_friction.recording.recording import Recording
 
 RETUNED = 1.05  # the believed residual over the retuned one from which parameters are called wrong
 SAME = 2.0 * math.log(100.0)  # gain by which an effect must beat a rival to be told from it: odds of 100 to 1
+TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 PLOTTED = 6000  # samples in pictures
 
 Progress = Callable[[float, str], None]
@@ -55,21 +56,53 @@ def diagnose(
     check_units(data, file.axis)
     balance = Balance(data, file.axis.actuation_delay)
     tell(0.1, "retuning what the model has")
-    selection = select(balance, file.axis, tell, barred(data, file.axis))
-    tell(0.85, "looking for structure that remains")
+    impossible = barred(data, file.axis)
+    selection = select(balance, file.axis, tell, impossible)
+    tell(0.75, "looking for structure that remains")
     fit, structure = _with_structure(balance, selection)
+    if structure is None:
+        contend(balance, selection, len(file.axis.effects), tell, impossible)
+        fit = selection.chosen
     tell(0.92, "proving on held-out data")
     return _Judge(data, balance, file, selection, fit, structure, seed).diagnosis()
 
 
 def _with_structure(balance: Balance, selection: Selection) -> tuple[Fit, Structure | None]:
-    """The chosen fit with a learned map where significant structure remains."""
+    """The chosen fit with a learned map where significant structure remains.
+
+    Physics outside the vocabulary makes parts of it look like effects: where a map on the retuned axis alone does as well as
+    the chosen effects with a map of their rest, no effect is named.
+    """
     fit = selection.chosen
     structure = remaining_structure(balance, fit)
-    if structure is None or structure.table is None:
-        return fit, structure
+    if structure is None:
+        return fit, None
+    best, found = _mapped(balance, fit, structure), structure
+    if len(fit.axis.effects) > len(selection.retuned.axis.effects):
+        balance.estimate_noise(balance.residual(best.axis))
+        plain = remaining_structure(balance, selection.retuned)
+        if plain is not None and plain.table is not None:
+            alone = _mapped(balance, selection.retuned, plain)
+            spread = max(1.0, best.squares / balance.effective_count)
+            needed = chance(balance, len(best.free) - len(alone.free), 1.0)
+            if (_squares(balance, alone) - _squares(balance, best)) / spread < max(
+                needed, TIE * balance.effective_count
+            ):
+                best, found = alone, plain
+    return best, found
+
+
+def _squares(balance: Balance, fit: Fit) -> float:
+    white = balance.whiten(balance.residual(fit.axis))
+    return float(white @ white)
+
+
+def _mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
+    """The fit with the structure's table as a learned map, refitted; as it is where nothing predicts."""
+    if structure.table is None:
+        return fit
     mapped = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
-    return settle(balance, mapped, rounds=1), structure
+    return settle(balance, mapped, rounds=1)
 
 
 @dataclass(frozen=True)
@@ -353,4 +386,3 @@ def _atlas_mapping(entry: AtlasEntry) -> dict[str, Any]:
         "period": entry.period,
         "share": entry.share,
     }
-

@@ -119,7 +119,9 @@ def build(
     body[[TRUE_POSITION, MEASURED, LAST_MIDDLE]] = position
     for item, values in zip(terms, packed, strict=True):
         if item.term.place is Place.SENSOR:
-            body[MEASURED] += item.term.kernel(motion, values, np.zeros(item.term.state_size(item.values, dt)), dt)
+            body[MEASURED] += item.term.kernel(
+                motion, values, np.zeros(item.term.state_size(item.values, dt)), dt
+            )
     return Machine(
         kernels,
         ends.astype(np.int64),
@@ -237,10 +239,10 @@ def evaluate(
 ) -> None:
     """Walk through a measured motion. Shapes (n,); `signals` (s, n) holds temperature, then the exogenous signals.
 
-    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (ceil(n / stride), 8) gets every stride-th
-    instant, each in N m
-    unless said: torque that the motion requires at the rotor, torque the drive gives there, dry and viscous friction,
-    available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
+    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (ceil(n / stride), 8)
+    gets every stride-th instant, each in N m unless said: torque that the motion requires at the rotor, torque the drive
+    gives there, dry and viscous friction, available dry friction, its mobilised share (1), opposing torque of effects,
+    moving inertia (kg m^2).
     """
     motion = m.motion
     level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter

@@ -1,9 +1,9 @@
 """Flexible mode: part of the inertia hangs on the shaft through a spring (drive and encoder on the shaft's side).
 
-`frequency` is the resonance that a frequency response from torque to acceleration shows. With the shaft held the second body rings
-lower, at w = 2 pi frequency sqrt(1 - inertia_ratio), the antiresonance, with a damping ratio that is lower by the same factor. Its deflection d from the shaft obeys
-d'' + 2 zeta w d' + w^2 d = -shaft acceleration. Between two instants the shaft
-has constant acceleration, for which the step below is exact.
+`frequency` is the resonance that a frequency response from torque to acceleration shows. With the shaft held, the
+second body rings lower, at w = 2 pi frequency sqrt(1 - inertia_ratio), the antiresonance, with a damping ratio zeta that
+is lower by the same factor. Its deflection d from the shaft obeys d'' + 2 zeta w d' + w^2 d = -shaft acceleration.
+Between two instants the shaft has constant acceleration, for which the step below is exact.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from numba import njit
 
 from tcs_friction.physics.terms import (
     INERTIA,
-    TRAVEL,
     VELOCITY,
     Parameter,
     Place,

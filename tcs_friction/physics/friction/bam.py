@@ -1,7 +1,7 @@
 """Load-dependent Stribeck friction, as Better Actuator Models has it for geared servos (Duclusaud et al. 2025, its model M4).
 
-    F = (c + (s - c) exp(-|v / stribeck_velocity|^exponent)) sign(v) + viscous v
-    c = coulomb + load |u|,   s - c = static - coulomb + load_stribeck |u|,   u the torque through the gear
+F = (c + (s - c) exp(-|v / stribeck_velocity|^exponent)) sign(v) + viscous v
+c = coulomb + load |u|,   s - c = static - coulomb + load_stribeck |u|,   u the torque through the gear
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     ratio = abs(motion[VELOCITY] / stribeck_velocity)
     torque = abs(motion[TORQUE])
     drop = static - coulomb + load_stribeck * torque
-    return float(static_friction(motion, coulomb + load * torque + drop * math.exp(-(ratio**exponent)), viscous))
+    return float(
+        static_friction(motion, coulomb + load * torque + drop * math.exp(-(ratio**exponent)), viscous)
+    )
 
 
 TERM = Term(
@@ -33,8 +35,22 @@ TERM = Term(
         STRIBECK_VELOCITY,
         VISCOUS_COEFFICIENT,
         Parameter("exponent", "", "shape of the Stribeck curve", lower=0.2, upper=4.0, default=2.0),
-        Parameter("load", "", "share of the load torque that Coulomb friction grows by", lower=0.0, upper=1.0, default=0.0),
-        Parameter("load_stribeck", "", "share of the load torque that the Stribeck drop grows by", lower=0.0, upper=1.0, default=0.0),
+        Parameter(
+            "load",
+            "",
+            "share of the load torque that Coulomb friction grows by",
+            lower=0.0,
+            upper=1.0,
+            default=0.0,
+        ),
+        Parameter(
+            "load_stribeck",
+            "",
+            "share of the load torque that the Stribeck drop grows by",
+            lower=0.0,
+            upper=1.0,
+            default=0.0,
+        ),
     ),
     kernel=friction,
 )

@@ -51,9 +51,13 @@ TERM = Term(
     form="F = F_1 - F_2 + viscous v, each relaxing over its own distance",
     parameters=(
         COULOMB,
-        Parameter("transient", "N m", "torque of the slower element, what the friction overshoots by", lower=1e-12),
+        Parameter(
+            "transient", "N m", "torque of the slower element, what the friction overshoots by", lower=1e-12
+        ),
         Parameter("presliding_distance", "rad", "distance over which the overshoot dies", lower=1e-15),
-        Parameter("ratio", "", "distance of the rise over that of the fall", lower=0.01, upper=0.99, default=0.3),
+        Parameter(
+            "ratio", "", "distance of the rise over that of the fall", lower=0.01, upper=0.99, default=0.3
+        ),
         VISCOUS_COEFFICIENT,
     ),
     kernel=friction,

@@ -58,7 +58,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(total + motion[VISCOUS])
 
 
-def element_count(values: Mapping[str, float], dt: float) -> int:  # noqa: ARG001
+def element_count(values: Mapping[str, float], dt: float) -> int:
     """Number of states."""
     return round(values["elements"])
 
@@ -72,7 +72,9 @@ TERM = Term(
         STATIC,
         STRIBECK_VELOCITY,
         STIFFNESS,
-        Parameter("spread", "", "how far apart the elements slip: 0 all at once", lower=0.0, upper=4.0, default=1.0),
+        Parameter(
+            "spread", "", "how far apart the elements slip: 0 all at once", lower=0.0, upper=4.0, default=1.0
+        ),
         VISCOUS_COEFFICIENT,
         Parameter("elements", "", "number of elements", lower=1.0, upper=64.0, default=8.0, role=Role.FIXED),
     ),

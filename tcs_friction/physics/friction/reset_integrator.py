@@ -1,15 +1,33 @@
 """Reset integrator friction (Haessig and Friedland 1991): a bond that stretches up to a limit, stiffer while it holds.
 
-    dp/dt = v while the bond holds (|p| < coulomb / stiffness), else p stays at its limit
-    F = static / coulomb stiffness p + damping dp/dt while it holds, coulomb sign(v) when it slides; plus viscous v
+dp/dt = v while the bond holds (|p| < coulomb / stiffness), else p stays at its limit
+F = static / coulomb stiffness p + damping dp/dt while it holds, coulomb sign(v) when it slides; plus viscous v
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.friction.lugre import COULOMB, DAMPING, STATIC, STIFFNESS, VISCOUS_COEFFICIENT, scaled
-from tcs_friction.physics.terms import DRY, LEVEL, MOBILISED, TRAVEL, VELOCITY, VISCOUS, VISCOUS_SCALE, Place, Term, kernel
+from tcs_friction.physics.friction.lugre import (
+    COULOMB,
+    DAMPING,
+    STATIC,
+    STIFFNESS,
+    VISCOUS_COEFFICIENT,
+    scaled,
+)
+from tcs_friction.physics.terms import (
+    DRY,
+    LEVEL,
+    MOBILISED,
+    TRAVEL,
+    VELOCITY,
+    VISCOUS,
+    VISCOUS_SCALE,
+    Place,
+    Term,
+    kernel,
+)
 
 
 @kernel

@@ -18,7 +18,9 @@ from tcs_friction.physics.terms import VELOCITY, Parameter, Place, Term, kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     coulomb, static, stribeck_velocity, viscous, exponent = parameters[:5]
     ratio = abs(motion[VELOCITY] / stribeck_velocity)
-    return float(static_friction(motion, coulomb + (static - coulomb) * math.exp(-(ratio**exponent)), viscous))
+    return float(
+        static_friction(motion, coulomb + (static - coulomb) * math.exp(-(ratio**exponent)), viscous)
+    )
 
 
 TERM = Term(
