@@ -1,0 +1,129 @@
+"""The page of a diagnosis: every verdict gives a page, and the page says what the result says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
+from tcs_friction.report.diagnosis import write_report
+
+RANDOM = np.random.default_rng(0)
+T = np.linspace(0.0, 60.0, 3000)
+POSITION = 0.3 * np.sin(T / 5.0)
+COGGING = 1.7 * np.cos(72.0 * POSITION)
+NOISE = 0.3 * RANDOM.standard_normal(len(T))
+
+
+def look(coordinate: str, x: np.ndarray, share: float, p_value: float) -> Look:
+    return Look(coordinate, "rad", x, np.cos(x), np.full(len(x), 0.1), share, p_value)
+
+
+@pytest.fixture
+def evidence() -> Evidence:
+    bins = np.linspace(-0.3, 0.3, 40)
+    return Evidence(
+        t=T,
+        believed=COGGING + NOISE + 0.4,
+        retuned=COGGING + NOISE,
+        improved=NOISE,
+        held_out=(T > 20.0) & (T < 30.0),
+        atlas=(
+            look("position", bins, 0.92, 1e-4),
+            look("exogenous:wind_speed", bins, 0.01, 0.4),
+            look("direction", np.array([-1.0, 1.0]), 0.01, 0.5),
+        ),
+        isolated=(Isolated("cogging", "position", "rad", POSITION, COGGING + NOISE, COGGING),),
+        runners_up=(RunnerUp("torque_ripple", 0.11, "needs a torque that <changes>"),),
+        notes=("a gap of 3 s",),
+    )
+
+
+@pytest.fixture
+def diagnosis() -> dict[str, Any]:
+    return {
+        "verdict": "missing_physics",
+        "statement": "The motor cogs 72 times a turn.",
+        "effects": [
+            {
+                "effect": "cogging",
+                "equivalent": ["torque_ripple"],
+                "probability": 0.99,
+                "parameters": {
+                    "order": {"value": 72.0013, "std": 0.012, "unit": "1/turn"},
+                    "phase": {"value": 0.3, "std": None, "unit": None},
+                },
+                "subsystem": "actuator",
+                "torque_rms": 1.2,
+            }
+        ],
+        "fit": {
+            "noise_floor": 0.3,
+            "believed": {"train": 1.4, "held_out": 1.42},
+            "retuned": {"train": 1.2, "held_out": 1.23},
+            "improved": {"train": 0.3, "held_out": 0.31},
+        },
+        "free_run": {"horizon": 1.0, "position_rms": {"believed": 1e-4, "retuned": 8e-5, "improved": 1e-6}},
+        "atlas": [
+            {
+                "coordinate": "position",
+                "statistic": 9.0,
+                "p_value": 1e-4,
+                "range": [-0.3, 0.3],
+                "share": 0.92,
+            },
+            {
+                "coordinate": "time_since_reversal",
+                "statistic": 1.0,
+                "p_value": 0.4,
+                "range": None,
+                "share": 0.01,
+            },
+        ],
+    }
+
+
+def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path) -> None:
+    document = write_report(tmp_path, diagnosis, evidence, "azimuth", "Record q.yaml.").read_text(
+        encoding="utf-8"
+    )
+    for words in (
+        "The motor cogs 72 times a turn.",
+        "physics is missing",
+        "order 72.001 ± 0.012 1/turn",
+        "torque_ripple",
+        "needs a torque that &lt;changes&gt;",
+        "-0.3 to 0.3",
+        "1.03 times the noise floor",
+        "Record q.yaml.",
+        "a gap of 3 s",
+    ):
+        assert words in document
+    assert {entry.stem for entry in tmp_path.glob("*.png")} == {"where", "before_after", "effect_1_cogging"}
+
+
+@pytest.mark.parametrize("verdict", ["match", "parameters", "unexplained"])
+def test_every_verdict_gives_a_page(
+    verdict: str, diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path
+) -> None:
+    bare = replace(
+        evidence, atlas=(), isolated=(), runners_up=(), notes=(), held_out=np.zeros(len(T), dtype=bool)
+    )
+    nothing = {**diagnosis, "verdict": verdict, "effects": [], "atlas": [], "free_run": {}}
+    document = write_report(tmp_path, nothing, bare).read_text(encoding="utf-8")
+    assert "What was left out" not in document
+    assert "What else was considered" not in document
+
+
+def test_a_residual_well_above_the_noise_is_not_called_good(
+    diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path
+) -> None:
+    good = write_report(tmp_path / "a", diagnosis, evidence).read_text(encoding="utf-8")
+    diagnosis["fit"]["improved"]["held_out"] = 0.6
+    bad = write_report(tmp_path / "b", diagnosis, evidence).read_text(encoding="utf-8")
+    assert 'class="number good"' in good
+    assert 'class="number good"' not in bad
