@@ -15,6 +15,7 @@ from tcs_friction.identify.problem import Problem
 from tcs_friction.physics.terms import Parameter, Role
 
 SEARCH_POINTS = 6000  # a global search looks at about so many
+SHAPE_POINTS = 1500  # one whose result is refined, at so many
 FASTEST_DROP = 1.5  # times the top speed: a Stribeck velocity above cannot be told from viscous friction
 FAR = 1e30  # travel that saturates any bristle
 
@@ -165,7 +166,7 @@ class ShapeCost:
     """
 
     def __init__(self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray) -> None:
-        self._points = thinned(problem)
+        self._points = thinned(problem, SHAPE_POINTS)
         self._used = np.array([True, True, True, free_inertia, free_offset])
         self._start = start
         known = 0.0 if free_inertia else start[problem.inertia_index]

@@ -26,8 +26,8 @@ from tcs_friction.physics.terms import Instance, instance, linear_unit, nearest
 
 LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
-QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0, stagnation=24)
-QUICK_GENERIC = SwarmOptions(population=32, generations=1, swarm_generations=16, genetic_generations=0, stagnation=16)
+QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0)
+QUICK_GENERIC = SwarmOptions(population=40, generations=1, swarm_generations=30, genetic_generations=0)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def identify(
         raise InputError("identification: method", repr(method), nearest(method, list(METHODS)))
     believed = axis.friction.values if law in (None, axis.friction.term.id) else {}
     axis = replace(axis, friction=_law_instance(axis, law))
-    motion = prepare(data, options.bandwidth)
+    motion = prepare(data, options.bandwidth, despike=options.loss == "huber")
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError("identification", "the axis never moves", "a recording of motion")
     problem = pose(axis, motion)
@@ -235,8 +235,7 @@ def _directions(problem: Problem, verdicts: Verdicts, loss: str) -> Mapping[str,
 
 def _fit(problem: Problem, refined: Refined) -> Fit:
     inertia, offset = refined.unknowns[problem.inertia_index], refined.unknowns[problem.offset_index]
-    acceleration = problem.thin.apply(problem.motion.acceleration[:, None])[:, 0]
-    rest = inertia * acceleration + offset
+    rest = inertia * problem.acceleration + offset
     modelled = problem.target - refined.residual
     bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
     return Fit(problem.times, problem.velocity, problem.target, modelled, problem.target - rest, modelled - rest, bounds)

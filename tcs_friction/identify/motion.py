@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfiltfilt, welch
 
 from tcs_friction.errors import InputError
@@ -20,6 +21,8 @@ HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
 LEAST_SAMPLES = 32  # of a segment that is worth filtering
 SAMPLES_PER_CYCLE = 32.0  # of the bandwidth: as many as a bristle's step needs between which velocity runs linearly
 UNSURE = 0.02  # of the range of positions: travel after a start within which a bristle may remember what nobody saw
+SPIKE_WINDOW = 9  # samples
+SPIKE = 8.0  # robust standard deviations
 FILTER_ORDER = 4
 UNIFORM = 0.01  # relative jitter of the steps above which samples are moved onto a regular grid
 
@@ -119,13 +122,14 @@ class Motion:
         return bool((self.velocity > self.resolution).any() and (self.velocity < -self.resolution).any())
 
 
-def prepare(data: Sequence[Data], bandwidth: float | None = None) -> Motion:
+def prepare(data: Sequence[Data], bandwidth: float | None = None, despike: bool = False) -> Motion:
     """Smooth the recordings, or take the friction series as they are, into one Motion.
 
     Parameters
     ----------
     data: recordings or friction series, not mixed.
     bandwidth: of the low pass, Hz; chosen from the position's noise when None.
+    despike: replace single wild torque samples of recordings before the low pass spreads them.
 
     Raises InputError when there is nothing long enough to filter.
     """
@@ -135,7 +139,7 @@ def prepare(data: Sequence[Data], bandwidth: float | None = None) -> Motion:
     recordings = [item for item in data if isinstance(item, Recording)]
     if series and recordings:
         raise InputError("identification", "recordings and friction series together", "one kind of data")
-    return _from_series(series) if series else _from_recordings(recordings, bandwidth)
+    return _from_series(series) if series else _from_recordings(recordings, bandwidth, despike)
 
 
 def _from_series(series: Sequence[FrictionSeries]) -> Motion:
@@ -161,13 +165,18 @@ def _roughness(values: np.ndarray) -> float:
     return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(20.0)) if len(differences) else 0.0
 
 
-def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None) -> Motion:
+def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None, despike: bool) -> Motion:
     steps = np.concatenate([np.diff(item.t[part]) for item in recordings for part in item.segments])
     rate = 1.0 / float(np.median(steps))
     grids = [(k, _regular(item, part, rate)) for k, item in enumerate(recordings) for part in item.segments]
     grids = [(k, columns) for k, columns in grids if len(columns["t"]) >= LEAST_SAMPLES]
     if not grids:
         raise InputError(recordings[0].source, "every stretch is too short", f"{LEAST_SAMPLES} samples without a gap")
+    notes = []
+    if despike:
+        cleaned = [without_spikes(columns["torque"]) for _, columns in grids]
+        grids = [(k, {**columns, "torque": torque}) for (k, columns), (torque, _) in zip(grids, cleaned, strict=True)]
+        notes.append(f"torque: {sum(count for _, count in cleaned)} wild samples replaced by their neighbours' median")
     density = float(np.median([noise_density(columns["position"], rate) for _, columns in grids]))
     chosen = bandwidth or min(useful_bandwidth(columns["position"], rate, density) for _, columns in grids)
     chosen = min(chosen, 0.4 * rate)
@@ -177,11 +186,11 @@ def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None) -
     noise = np.sqrt(density * (2.0 * np.pi) ** 2 * chosen**3 / 3.0)
     known = ("t", "position", "velocity", "acceleration", "torque")
     exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
-    notes = (f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz",)
+    notes.append(f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz")
     return Motion(
         *(joined[name] for name in known),
         bounds, rate, chosen, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
-        tuple(k for k, _ in parts), notes,
+        tuple(k for k, _ in parts), tuple(notes),
     )  # fmt: skip
 
 
@@ -222,9 +231,23 @@ def useful_bandwidth(position: np.ndarray, rate: float, noise: float) -> float:
     return float(np.clip(found, min(8.0 * rate / len(position), highest), highest))
 
 
+def low_pass(bandwidth: float, rate: float) -> np.ndarray:
+    """Second-order sections of the low pass; it is run forwards and backwards."""
+    return np.asarray(butter(FILTER_ORDER, bandwidth, fs=rate, output="sos"))
+
+
+def without_spikes(values: np.ndarray) -> tuple[np.ndarray, int]:
+    """Samples far off the median of their neighbours replaced by it (Hampel 1974), and how many there were."""
+    middle = median_filter(values, SPIKE_WINDOW, mode="nearest")
+    off = np.abs(values - middle)
+    limit = SPIKE * max(float(np.median(off)), 1e-3 * float(np.std(values)), 1e-300) / 0.6745
+    spikes = off > limit
+    return np.where(spikes, middle, values), int(np.count_nonzero(spikes))
+
+
 def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> dict[str, np.ndarray]:
     """Zero-phase low pass of every signal, velocity and acceleration by central differences; filtered ends are left out."""
-    sections = butter(FILTER_ORDER, bandwidth, fs=rate, output="sos")
+    sections = low_pass(bandwidth, rate)
     length = len(columns["t"])
     edge = min(int(1.5 * rate / bandwidth), length // 4)
     padding = min(3 * edge, length - 1)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import AnyModel, Model, background, model_for
-from tcs_friction.identify.motion import SAMPLES_PER_CYCLE, Motion, coarse, unsure_start
+from tcs_friction.identify.motion import SAMPLES_PER_CYCLE, Motion, coarse, low_pass, unsure_start
 from tcs_friction.physics.axis import Axis
 
 MOST_INITIAL_STATES = 16
@@ -23,17 +23,22 @@ class Thinning:
     centres: np.ndarray
     taps: np.ndarray
     stride: int
-    sections: np.ndarray | None = None  # second-order sections of the observer's filter
+    sections: np.ndarray | None = None  # second-order sections of the low pass, or of the observer's filter
+    zero_phase: bool = False
     lead: int = 0  # samples by which the filter's lag has been taken out of the data
     bounds: np.ndarray | None = None
 
     def modelled(self, columns: np.ndarray) -> np.ndarray:
-        """The same of modelled torques (n, k), which pass the observer's filter first where the measured ones have."""
+        """The same of modelled friction (n, k), which first passes the filters that the measured torque has passed."""
         if self.sections is None or self.bounds is None:
             return self.apply(columns)
         passed = np.empty_like(columns)
         for start, stop in zip(self.bounds[:-1], self.bounds[1:], strict=True):
             part = columns[start:stop]
+            if self.zero_phase:
+                padding = min(len(part) - 1, round(2.0 * SAMPLES_PER_CYCLE))
+                passed[start:stop] = sosfiltfilt(self.sections, part, axis=0, padlen=padding)
+                continue
             rest = sosfilt_zi(self.sections)[:, :, None] * part[0]
             filtered = sosfilt(self.sections, np.vstack([part, np.repeat(part[-1:], self.lead, axis=0)]), axis=0, zi=rest)[0]
             passed[start:stop] = filtered[self.lead :]
@@ -55,6 +60,8 @@ def thinning(motion: Motion) -> Thinning:
     else:
         stride = max(1, len(motion) // SERIES_POINTS)
     sections, lead = None, 0
+    if motion.bandwidth > 0.0:
+        sections = low_pass(motion.bandwidth, motion.rate)
     if motion.filtered > 0.0:
         sections = butter(3, motion.filtered, fs=motion.rate, output="sos")
         lead = round(motion.rate / (np.pi * motion.filtered))
@@ -63,7 +70,7 @@ def thinning(motion: Motion) -> Thinning:
     taps = np.sinc(0.8 * x) * (0.5 + 0.5 * np.cos(np.pi * x / 3.0) if half else 1.0)
     centres = [np.arange(part.start + half, part.stop - half - lead, stride) for part in motion.stretches]
     chosen = np.concatenate(centres).astype(np.int64)
-    return Thinning(chosen, taps / taps.sum(), stride, sections, lead, motion.bounds)
+    return Thinning(chosen, taps / taps.sum(), stride, sections, motion.bandwidth > 0.0, lead, motion.bounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +88,7 @@ class Problem:
     thin: Thinning
     target: np.ndarray
     weights: np.ndarray
+    acceleration: np.ndarray  # (m,)
 
     @property
     def law_size(self) -> int:
@@ -116,25 +124,22 @@ class Problem:
     def torque(self, unknowns: np.ndarray) -> np.ndarray:
         """(m,) modelled torque."""
         k = self.law_size
-        whole = self.model.torque(unknowns[:k], unknowns[k + 2 :])
-        whole = whole + unknowns[k] * self.motion.acceleration + unknowns[k + 1]
-        return self.thin.modelled(whole[:, None])[:, 0]
+        friction = self.thin.modelled(self.model.torque(unknowns[:k], unknowns[k + 2 :])[:, None])[:, 0]
+        return np.asarray(friction + unknowns[k] * self.acceleration + unknowns[k + 1])
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Torque (m,) and its derivatives by every unknown (m, p)."""
         k = self.law_size
         law, slopes, first = self.model.derivatives(unknowns[:k], unknowns[k + 2 :])
         stretches = self.motion.stretches
-        columns = np.zeros((len(law), 1 + k + 2 + len(stretches)))
-        columns[:, 0] = law + unknowns[k] * self.motion.acceleration + unknowns[k + 1]
-        columns[:, 1 : 1 + k] = slopes
-        columns[:, 1 + k] = self.motion.acceleration
-        columns[:, 2 + k] = 1.0
+        states = np.zeros((len(law), len(stretches)))
         if first is not None and len(stretches) <= MOST_INITIAL_STATES:
             for s, part in enumerate(stretches):
-                columns[part, 3 + k + s] = first[part]
-        thinned = self.thin.modelled(columns)
-        return thinned[:, 0], thinned[:, 1:]
+                states[part, s] = first[part]
+        columns = self.thin.modelled(np.column_stack([law, slopes, states]))
+        torque = columns[:, 0] + unknowns[k] * self.acceleration + unknowns[k + 1]
+        rest = np.column_stack([self.acceleration, np.ones(len(torque))])
+        return torque, np.hstack([columns[:, 1 : 1 + k], rest, columns[:, 1 + k :]])
 
 
 def pose(axis: Axis, motion: Motion) -> Problem:
@@ -149,4 +154,5 @@ def pose(axis: Axis, motion: Motion) -> Problem:
     weights = np.ones(len(thin.centres))
     if isinstance(model, AnyModel):
         weights[unsure_start(motion)[thin.centres]] = 0.0
-    return Problem(axis, motion, model, rotor, thin, thin.apply(rotor[:, None])[:, 0], weights)
+    target, acceleration = thin.apply(np.column_stack([rotor, motion.acceleration])).T
+    return Problem(axis, motion, model, rotor, thin, target.copy(), weights, acceleration.copy())
