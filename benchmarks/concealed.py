@@ -84,6 +84,9 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             tasks = [(name, arguments.seed, arguments.stretch) for name in names]
             return limit_rows(list(_watched(pool.map(limits_of, tasks), len(tasks))))
         cases = draw_cases(arguments.seed, arguments.worlds, arguments.stretch, arguments.only)
+        if arguments.count is not None and arguments.count < len(cases):
+            kept = np.random.default_rng(arguments.seed).choice(len(cases), arguments.count, replace=False)
+            cases = [cases[i] for i in sorted(kept)]
         return rows(list(_watched(pool.map(solve, cases), len(cases))))
 
 

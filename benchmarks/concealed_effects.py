@@ -128,8 +128,8 @@ EFFECTS: Mapping[str, Effect] = {
         {"order": "ripple_order", "amplitude": "ripple", "phase": "ripple_phase"},
     ),
     "torque_bias": Effect(lambda s: {"bias": s.sign()}, ("bias",), {"bias": "bias"}),
-    "transport_delay": Effect(lambda _: {"delay": 0.002}, ("delay",), {"delay": "delay"}, 2, (0.0, 0.02)),
-    "actuator_lag": Effect(lambda _: {"lag": 0.002}, ("lag",), {"time_constant": "lag"}, 2, (2e-4, 0.02)),
+    "transport_delay": Effect(lambda _: {"delay": 0.002}, ("delay",), {"delay": "delay"}, 4, (0.0, 0.02)),
+    "actuator_lag": Effect(lambda _: {"lag": 0.002}, ("lag",), {"time_constant": "lag"}, 4, (2e-4, 0.02)),
     "backlash": Effect(
         lambda s: {
             "ratio": 0.2,

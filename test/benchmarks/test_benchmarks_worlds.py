@@ -66,7 +66,7 @@ SIZED = sorted(set(EFFECTS) - {"presliding", "flexible_mode"})
     ("name", "size"), [*((name, 4.0) for name in SIZED), ("cogging", 0.05), ("imbalance", 0.3)]
 )
 def test_effects_have_the_size_asked_for(name: str, size: float) -> None:
-    truth = world_with(name, size=size).truth
+    truth = world_with(name, size=size, stretch=0.06).truth
     assert truth.effect_torque_rms == pytest.approx(size * truth.noise_floor, rel=0.15)
     assert truth.torque_rms[name] == pytest.approx(size * truth.noise_floor, rel=1e-6)
 
