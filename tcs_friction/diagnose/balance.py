@@ -153,6 +153,7 @@ class Balance:
         self.local_weight = np.ones(
             len(self.train)
         )  # 1/variance of the whitened noise relative to the record's
+        self.torque_size = float(np.sqrt(np.mean(data.joined("torque")[self.train] ** 2)))
         self.evaluations = 0
         self._refresh_rows()
 
@@ -197,8 +198,17 @@ class Balance:
 
     def residual(self, axis: Axis) -> np.ndarray:
         """Torque residual (n,), N m."""
-        out = self.evaluate(axis)
-        return np.asarray(out[:, machine.ROTOR] - out[:, machine.REQUIRED])
+        return self.residual_of(self.evaluate(axis))
+
+    def residual_of(self, out: np.ndarray) -> np.ndarray:
+        """Residual of an evaluation, as large as if the drive passed all of the logged torque on.
+
+        A drive that swallows the torque would need no friction and leave no residual: the torque is no measure of itself.
+        """
+        rotor = out[:, machine.ROTOR]
+        size = float(np.sqrt(np.mean(rotor[self.train] ** 2)))
+        scale = max(self.torque_size / size, 1.0) if size > 0.0 else 1.0
+        return np.asarray(scale * (rotor - out[:, machine.REQUIRED]))
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""

@@ -18,11 +18,11 @@ import numpy as np
 from scipy import ndimage
 
 from tcs_friction.diagnose.balance import Balance, Free, pairs
-from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
+MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 PEAKS = 3  # of a spectrum that are tried exactly
 
 
@@ -47,8 +47,7 @@ class Background:
         self.balance = balance
         self.axis = axis
         self.free = list(free)
-        self.out = balance.evaluate(axis)
-        self.residual = np.asarray(self.out[:, machine.ROTOR] - self.out[:, machine.REQUIRED])
+        self.residual = balance.residual(axis)
         base = balance.jacobian(axis, self.free, self.residual)
         norms = np.linalg.norm(base, axis=0)
         base = base[:, norms > 0.0] / norms[norms > 0.0]
@@ -343,7 +342,7 @@ def _order_range(term: Term, span: float, view: Survey, cycle: float) -> tuple[f
     once = 2.0 * math.pi / span
     middle = math.sqrt(view.slow * view.fast) * cycle
     highest = 2.0 * math.pi * view.cutoff / max(middle, 1e-300)
-    highest = min(highest, 2.0 * math.pi * 2e5 / span)
+    highest = min(highest, 2.0 * math.pi * MOST_PERIODS / span)
     if term.id == "position_dependent_friction":
         return max(0.5 * once, 0.0), min(12.0 * max(once, 1.0), highest)
     return max(2.0 * once, 1.5 if cycle == 1.0 else 0.0), highest
@@ -365,10 +364,12 @@ def _local_norm(balance: Balance, carrier: np.ndarray, speed: np.ndarray, grid: 
         np.digitize(speed[mask], edges), carrier[mask] ** 2 * balance.local_weight[mask], minlength=81
     )
     centres = np.concatenate([[0.0], np.sqrt(edges[1:] * edges[:-1]), [edges[-1]]])
-    norm = np.zeros(len(grid))
+    coarse = np.geomspace(max(grid[0], 1e-9 * grid[-1]), grid[-1], 400)
+    norm = np.zeros(len(coarse))
     for share, centre in zip(power, centres, strict=True):
         if share > 0.0:
-            norm += share * balance.whitening_gain(grid * centre / (2.0 * math.pi))
+            norm += share * balance.whitening_gain(coarse * centre / (2.0 * math.pi))
+    norm = np.interp(grid, coarse, norm)
     return np.maximum(norm, 1e-3 * norm.max())
 
 

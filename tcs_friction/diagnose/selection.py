@@ -24,6 +24,7 @@ from tcs_friction.physics.terms import Place, Term
 
 FALSE_ALARM = 1e-3  # chance over the whole vocabulary
 MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
+LARGEST = 0.5  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
 MOST = 5  # effects
@@ -131,7 +132,11 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     name = term.id + (f":{start.instance.signal}" if start.instance.signal else "")
     limit = threshold(balance, term, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
-    if follows_motion(term) and term.coordinate != "frequency":
+    alone = replace(fit.axis, effects=fit.axis.effects[:-1])
+    own = balance.residual(alone) - balance.residual(fit.axis)
+    if float(np.std(own[balance.train])) > LARGEST * balance.torque_size:
+        gain = 0.0
+    elif follows_motion(term) and term.coordinate != "frequency":
         before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
         after = slow_part(balance, balance.whiten(balance.residual(fit.axis)))
         slow = float(before @ before - after @ after) / spread

@@ -28,6 +28,7 @@ from tcs_friction.recording.recording import Recording
 
 RETUNED = 1.05  # the believed residual over the retuned one from which parameters are called wrong
 SAME = 2.0 * math.log(100.0)  # gain by which an effect must beat a rival to be told from it: odds of 100 to 1
+CANCELLED = 0.4  # of the single effects' power that is left of them together
 TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 PLOTTED = 6000  # samples in pictures
 
@@ -70,26 +71,39 @@ def diagnose(
 def _with_structure(balance: Balance, selection: Selection) -> tuple[Fit, Structure | None]:
     """The chosen fit with a learned map where significant structure remains.
 
-    Physics outside the vocabulary makes parts of it look like effects: where a map on the retuned axis alone does as well as
-    the chosen effects with a map of their rest, no effect is named.
+    Physics outside the vocabulary makes parts of it look like effects, often large ones that cancel each other. Where
+    structure remains or the effects cancel, and a map on the retuned axis alone does as well, no effect is named.
     """
     fit = selection.chosen
     structure = remaining_structure(balance, fit)
-    if structure is None:
-        return fit, None
-    best, found = _mapped(balance, fit, structure), structure
-    if len(fit.axis.effects) > len(selection.retuned.axis.effects):
-        balance.estimate_noise(balance.residual(best.axis))
-        plain = remaining_structure(balance, selection.retuned)
-        if plain is not None and plain.table is not None:
-            alone = _mapped(balance, selection.retuned, plain)
-            spread = max(1.0, best.squares / balance.effective_count)
-            needed = chance(balance, len(best.free) - len(alone.free), 1.0)
-            if (_squares(balance, alone) - _squares(balance, best)) / spread < max(
-                needed, TIE * balance.effective_count
-            ):
-                best, found = alone, plain
-    return best, found
+    best = fit if structure is None else _mapped(balance, fit, structure)
+    if len(fit.axis.effects) == len(selection.retuned.axis.effects):
+        return best, structure
+    if structure is None and _cancellation(balance, fit, len(selection.retuned.axis.effects)) > CANCELLED:
+        return best, None
+    balance.estimate_noise(balance.residual(best.axis))
+    plain = remaining_structure(balance, selection.retuned)
+    if plain is None or plain.table is None:
+        return best, structure
+    alone = _mapped(balance, selection.retuned, plain)
+    spread = max(1.0, best.squares / balance.effective_count)
+    lost = (_squares(balance, alone) - _squares(balance, best)) / spread
+    needed = chance(balance, len(best.free) - len(alone.free), 1.0)
+    return (alone, plain) if lost < max(needed, TIE * balance.effective_count) else (best, structure)
+
+
+def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
+    """Power of the torque of all found effects together over the sum of their own; small where they cancel each other."""
+    full = balance.residual(fit.axis)
+    effects = fit.axis.effects
+
+    def torque(kept: tuple[Instance, ...]) -> np.ndarray:
+        difference = balance.residual(_with_effects(fit.axis, kept)) - full
+        return difference - float(np.mean(difference))
+
+    together = torque(effects[:believed])
+    single = [torque(tuple(e for e in effects if e is not item)) for item in effects[believed:]]
+    return float(np.var(together)) / max(sum(float(np.var(x)) for x in single), 1e-300)
 
 
 def _squares(balance: Balance, fit: Fit) -> float:
