@@ -1,7 +1,7 @@
 """The cost of LuGre identification over a population: this package's compiled loops beside NumPy vectorised over the population.
 
-Both simulate the bristle of every candidate over the points of two speed crossings and sum the squared errors; the costs are compared.
-Counted are point-particle evaluations: points times candidates.
+Both simulate the bristle of every candidate over the points of two speed crossings and sum the squared errors; the
+costs are compared. Counted are point-particle evaluations: points times candidates.
 """
 
 from __future__ import annotations
@@ -32,7 +32,14 @@ def numpy_costs(points: Points, population: np.ndarray) -> np.ndarray:
     coulomb, static, stribeck, stiffness, damping, viscous, inertia, offset = population.T
     bristle, total = np.zeros(len(population)), np.zeros(len(population))
     before = coulomb
-    columns = (points.velocity, points.travel, points.carry, points.acceleration, points.target, points.weight)
+    columns = (
+        points.velocity,
+        points.travel,
+        points.carry,
+        points.acceleration,
+        points.target,
+        points.weight,
+    )
     for v, travel, carry, acceleration, target, weight in zip(*columns, strict=True):
         level = coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2))
         before = level + carry * (before - level)
@@ -67,8 +74,16 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     unit = "million points/s"
     return [
         _row("LuGre cost, compiled", work / ours / 1e6, unit, work / theirs / 1e6),
-        _row("LuGre cost with the linear part solved for", count / projected / 1e6, unit, work / theirs / 1e6),
-        {"name": "largest relative difference of costs", "value": worst, "unit": "1", "beside": None, "ratio": None},
+        _row(
+            "LuGre cost with the linear part solved for", count / projected / 1e6, unit, work / theirs / 1e6
+        ),
+        {
+            "name": "largest relative difference of costs",
+            "value": worst,
+            "unit": "1",
+            "beside": None,
+            "ratio": None,
+        },
     ]
 
 

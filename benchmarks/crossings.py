@@ -1,4 +1,4 @@
-"""The identification problem of the paper's section 5.3, for the benchmarks: friction about two speed crossings, 4600 points each way."""
+"""The identification problem of the paper's section 5.3, for the benchmarks: friction about two crossings of zero speed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ def series(seed: int = 0, points: int = POINTS) -> list[FrictionSeries]:
     found = []
     for sign in (1.0, -1.0):
         velocity = sign * TOP_SPEED * np.sin(2.0 * np.pi * (t - t[-1] / 2.0) / PERIOD)
-        found.append(FrictionSeries(t, velocity, friction(t, velocity) + NOISE * random.standard_normal(points)))
+        found.append(
+            FrictionSeries(t, velocity, friction(t, velocity) + NOISE * random.standard_normal(points))
+        )
     return found
 
 

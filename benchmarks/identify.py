@@ -8,6 +8,7 @@ Levenberg-Marquardt) beside scipy, pymoo and cma, each with its own default sett
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import importlib.util
 import sys
@@ -34,7 +35,7 @@ POPULATION = 60
 OURS = ("default", "pso-ga", "pso", "ga")
 
 
-class Reached(Exception):
+class ReachedError(Exception):
     """The target cost has been reached."""
 
 
@@ -53,7 +54,7 @@ class Counted:
         self.evaluations += len(found)
         self.least = min(self.least, float(found.min()))
         if self.least <= self.target or self.evaluations >= self.budget:
-            raise Reached
+            raise ReachedError
         return found
 
     def single(self, position: np.ndarray) -> float:
@@ -94,7 +95,14 @@ def _differential_evolution(cost: Counted, seed: int) -> object:
     from scipy.optimize import differential_evolution
 
     return differential_evolution(
-        lambda x: cost(x.T), [(0.0, 1.0)] * 6, rng=seed, vectorized=True, updating="deferred", polish=False, maxiter=10**6, tol=0.0
+        lambda x: cost(x.T),
+        [(0.0, 1.0)] * 6,
+        rng=seed,
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+        maxiter=10**6,
+        tol=0.0,
     )
 
 
@@ -105,14 +113,14 @@ def _dual_annealing(cost: Counted, seed: int) -> object:
 
 
 def _pymoo(name: str, budget: int) -> Optimiser:
-    from pymoo.core.problem import Problem
+    from pymoo.core.problem import Problem as PymooProblem
     from pymoo.optimize import minimize as run_pymoo
 
     module = {"PSO": "pso", "GA": "ga", "CMAES": "cmaes"}[name]
     algorithm = getattr(importlib.import_module(f"pymoo.algorithms.soo.nonconvex.{module}"), name)
 
     def run_one(cost: Counted, seed: int) -> object:
-        class Crossing(Problem):  # type: ignore[misc]
+        class Crossing(PymooProblem):
             def __init__(self) -> None:
                 super().__init__(n_var=6, n_obj=1, xl=np.zeros(6), xu=np.ones(6))
 
@@ -128,10 +136,16 @@ def _pymoo(name: str, budget: int) -> Optimiser:
 def _cma(cost: Counted, seed: int) -> object:
     import cma
 
-    options = {"bounds": [0.0, 1.0], "seed": seed + 1, "verbose": -9, "maxfevals": cost.budget, "tolfun": 0.0, "tolflatfitness": 10**6}
+    options = {
+        "bounds": [0.0, 1.0],
+        "seed": seed + 1,
+        "verbose": -9,
+        "maxfevals": cost.budget,
+        "tolfun": 0.0,
+        "tolflatfitness": 10**6,
+    }
     while True:  # restarts, as its author advises
         strategy = cma.CMAEvolutionStrategy(np.random.default_rng(seed).random(6), 0.3, options)
-        strategy.optimize(lambda x: 0.0, iterations=0)
         while not strategy.stop():
             candidates = strategy.ask()
             strategy.tell(candidates, cost(np.array(candidates)).tolist())
@@ -154,7 +168,9 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             print(name, file=sys.stderr)
         optimiser = known[name]
         trials = [
-            _default(posed, cost, seed, best) if optimiser is None else _trial(optimiser, cost, seed, best, arguments.budget)
+            _default(posed, cost, seed, best)
+            if optimiser is None
+            else _trial(optimiser, cost, seed, best, arguments.budget)
             for seed in range(arguments.seeds)
         ]
         rows[name] = np.array(trials)
@@ -169,16 +185,16 @@ def _best_known(cost: LuGreCost) -> float:
     return float(polished.fun)
 
 
-def _trial(optimiser: Optimiser, cost: LuGreCost, seed: int, best: float, budget: int) -> tuple[float, float, float]:
+def _trial(
+    optimiser: Optimiser, cost: LuGreCost, seed: int, best: float, budget: int
+) -> tuple[float, float, float]:
     """Seconds, evaluations, least cost over the best known."""
     counted = Counted(cost, WITHIN * best, budget)
     began = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        try:
+        with contextlib.suppress(ReachedError):
             optimiser(counted, seed)
-        except Reached:
-            pass
     return time.perf_counter() - began, counted.evaluations, counted.least / best
 
 
@@ -189,7 +205,12 @@ def _default(posed: Problem, cost: LuGreCost, seed: int, best: float) -> tuple[f
     shape = ShapeCost(posed, False, False, start)
     found = search(shape, 3, seed, QUICK)
     refined = refine(
-        posed.linearised, posed.torque, posed.target, posed.weights, shape.unknowns(found.position), space_of(posed, False, False)
+        posed.linearised,
+        posed.torque,
+        posed.target,
+        posed.weights,
+        shape.unknowns(found.position),
+        space_of(posed, False, False),
     )
     seconds = time.perf_counter() - began
     final = float(cost.costs(refined.unknowns[None, :8])[0])
@@ -197,14 +218,18 @@ def _default(posed: Problem, cost: LuGreCost, seed: int, best: float) -> tuple[f
 
 
 def _results(rows: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    peers = [np.median(row[:, 0]) for name, row in rows.items() if name not in OURS and (row[:, 2] <= WITHIN).all()]
+    peers = [
+        np.median(row[:, 0]) for name, row in rows.items() if name not in OURS and (row[:, 2] <= WITHIN).all()
+    ]
     beside = float(min(peers)) if peers else None
     results = []
     for name, row in rows.items():
         reached = row[:, 2] <= WITHIN
         median = float(np.median(row[:, 0]))
         ratio = beside / median if beside and reached.all() else None
-        results.append({"name": f"{name}: median time", "value": median, "unit": "s", "beside": beside, "ratio": ratio})
+        results.append(
+            {"name": f"{name}: median time", "value": median, "unit": "s", "beside": beside, "ratio": ratio}
+        )
         for label, value in (
             ("worst time", float(row[:, 0].max())),
             ("median evaluations", float(np.median(row[:, 1]))),
@@ -212,5 +237,7 @@ def _results(rows: dict[str, np.ndarray]) -> list[dict[str, Any]]:
             ("median rmse over the best", float(np.sqrt(np.median(row[:, 2])))),
             ("worst rmse over the best", float(np.sqrt(row[:, 2].max()))),
         ):
-            results.append({"name": f"{name}: {label}", "value": value, "unit": "1", "beside": None, "ratio": None})
+            results.append(
+                {"name": f"{name}: {label}", "value": value, "unit": "1", "beside": None, "ratio": None}
+            )
     return results

@@ -25,15 +25,29 @@ ALL = "all"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings, one data set with common physics")
-    parser.add_argument("--axis", required=True, type=Path, help="axis file: what is believed, and where the signals are")
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
-    parser.add_argument("--law", help="friction law to fit instead of the axis file's; all: compare them on held-out data")
-    parser.add_argument("--method", choices=METHODS, default="default", help="default: swarm, then Levenberg-Marquardt")
+    parser.add_argument(
+        "bags", nargs="+", type=Path, metavar="BAG", help="recordings, one data set with common physics"
+    )
+    parser.add_argument(
+        "--axis", required=True, type=Path, help="axis file: what is believed, and where the signals are"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go"
+    )
+    parser.add_argument(
+        "--law", help="friction law to fit instead of the axis file's; all: compare them on held-out data"
+    )
+    parser.add_argument(
+        "--method", choices=METHODS, default="default", help="default: swarm, then Levenberg-Marquardt"
+    )
     parser.add_argument("--hold-inertia", action="store_true", help="keep the axis file's inertia")
     parser.add_argument("--no-offset", action="store_true", help="allow no constant torque")
-    parser.add_argument("--loss", choices=("squares", "huber"), default="squares", help="huber: outliers count less")
-    parser.add_argument("--bandwidth", type=float, metavar="HZ", help="of the low pass; by default from the position's noise")
+    parser.add_argument(
+        "--loss", choices=("squares", "huber"), default="squares", help="huber: outliers count less"
+    )
+    parser.add_argument(
+        "--bandwidth", type=float, metavar="HZ", help="of the low pass; by default from the position's noise"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
@@ -43,7 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
     if file.signals is None:
         raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
     options = IdentifyOptions(
-        hold_inertia=arguments.hold_inertia, offset=not arguments.no_offset, loss=arguments.loss, bandwidth=arguments.bandwidth
+        hold_inertia=arguments.hold_inertia,
+        offset=not arguments.no_offset,
+        loss=arguments.loss,
+        bandwidth=arguments.bandwidth,
     )
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")
@@ -61,9 +78,14 @@ def run(arguments: argparse.Namespace) -> int:
         print("\r\033[K", end="", file=sys.stderr)
     _write(arguments.output, file, recordings, found, comparison)
     content = _content(found, comparison)
-    print(json.dumps(content, allow_nan=False) if arguments.json else _summary(arguments.output, found, comparison))
+    print(
+        json.dumps(content, allow_nan=False)
+        if arguments.json
+        else _summary(arguments.output, found, comparison)
+    )
     if not any(item.determined for item in found.parameters.values()):
-        raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", "a recording with reversals and several speeds")
+        expected = "a recording with reversals and several speeds"
+        raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
     return 0
 
 
@@ -72,7 +94,12 @@ def _silent(_: Generation) -> None:
 
 
 def _progress(generation: Generation) -> None:
-    print(f"\r\033[K{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}", end="", file=sys.stderr, flush=True)
+    print(
+        f"\r\033[K{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}",
+        end="",
+        file=sys.stderr,
+        flush=True,
+    )
 
 
 def _content(found: Identification, comparison: Comparison | None) -> dict[str, object]:
@@ -81,7 +108,11 @@ def _content(found: Identification, comparison: Comparison | None) -> dict[str, 
 
 
 def _write(
-    directory: Path, file: AxisFile, recordings: tuple[Recording, ...], found: Identification, comparison: Comparison | None
+    directory: Path,
+    file: AxisFile,
+    recordings: tuple[Recording, ...],
+    found: Identification,
+    comparison: Comparison | None,
 ) -> None:
     """All results; the report last, since it names the others."""
     axis = identified_axis(file.axis, found)
@@ -92,7 +123,9 @@ def _write(
         write_whole(directory / "identification.json", text)
         save_axis(directory / "axis.yaml", replace(file, axis=axis), comment)
     except OSError as error:
-        raise InputError(str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to") from None
+        raise InputError(
+            str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to"
+        ) from None
     try:
         from tcs_friction.report.identification import write_report
     except ModuleNotFoundError:
@@ -105,12 +138,20 @@ def _summary(directory: Path, found: Identification, comparison: Comparison | No
     width = max(map(len, rows))
     lines = [f"{found.law} ({found.method}, {found.outcome.value}, {found.seconds:.1f} s)"]
     for name, item in rows.items():
-        shown = f"{item.value:12.6g} ± {item.std:.2g} {item.unit}" if item.determined else f"  undetermined: {item.reason}"
+        shown = (
+            f"{item.value:12.6g} ± {item.std:.2g} {item.unit}"
+            if item.determined
+            else f"  undetermined: {item.reason}"
+        )
         lines.append(f"  {name:{width}}  {shown}")
     errors = found.rmse
-    lines.append(f"residual {errors.train:.4g} train, {errors.held_out:.4g} held out; noise at least {found.noise_floor:.4g} {found.offset.unit}")
+    noise = f"noise at least {found.noise_floor:.4g} {found.offset.unit}"
+    lines.append(f"residual {errors.train:.4g} train, {errors.held_out:.4g} held out; {noise}")
     if comparison:
         lines += ["", f"{'law':18} {'held out':>10} {'train':>10} {'parameters':>10}"]
-        lines += [f"{row.law:18} {row.held_out:10.4g} {row.train:10.4g} {row.parameters:10d}" for row in comparison.rows]
+        lines += [
+            f"{row.law:18} {row.held_out:10.4g} {row.train:10.4g} {row.parameters:10d}"
+            for row in comparison.rows
+        ]
     lines.append(str(directory / "identification.json"))
     return "\n".join(lines)

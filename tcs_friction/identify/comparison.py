@@ -63,7 +63,7 @@ def compare_laws(
     names: Sequence[str] | None = None,
 ) -> Comparison:
     """Identify every law (or those named) by the default method."""
-    found = {}
+    found: dict[str, Identification] = {}
     for name in names or sorted(laws()):
         if cancel() and found:
             break

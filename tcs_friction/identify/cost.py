@@ -11,7 +11,7 @@ import numpy as np
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.motion import Motion, coarse, unsure_start
-from tcs_friction.identify.problem import Problem
+from tcs_friction.identify.problem import Problem, thinning
 from tcs_friction.physics.terms import Parameter, Role
 
 SEARCH_POINTS = 6000  # a global search looks at about so many
@@ -33,7 +33,9 @@ class Box:
         """(m, d) or (d,) in the unit box -> values."""
         safe = np.where(self.logarithmic, self.lower, 1.0)
         ratio = np.where(self.logarithmic, self.upper, 1.0) / safe
-        return np.where(self.logarithmic, safe * ratio**position, self.lower + (self.upper - self.lower) * position)
+        return np.where(
+            self.logarithmic, safe * ratio**position, self.lower + (self.upper - self.lower) * position
+        )
 
     def position(self, values: np.ndarray) -> np.ndarray:
         """(m, d) or (d,) values -> the unit box, clipped."""
@@ -41,7 +43,11 @@ class Box:
         ratio = np.where(self.logarithmic, self.upper / np.maximum(self.lower, 1e-300), np.e)
         positive = np.maximum(np.where(self.logarithmic, values, 1.0), 1e-300)
         span = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)
-        return np.clip(np.where(self.logarithmic, np.log(positive / safe) / np.log(ratio), (values - self.lower) / span), 0.0, 1.0)
+        return np.clip(
+            np.where(self.logarithmic, np.log(positive / safe) / np.log(ratio), (values - self.lower) / span),
+            0.0,
+            1.0,
+        )
 
 
 class SearchCost(Protocol):
@@ -88,7 +94,9 @@ def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
 def search_stride(motion: Motion, points: int) -> int:
     """Which samples a search looks at: about `points`, but at least four per cycle of the motion's bandwidth."""
     stride = max(1, len(motion) // points)
-    return min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth)))) if motion.bandwidth > 0.0 else stride
+    return (
+        min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth)))) if motion.bandwidth > 0.0 else stride
+    )
 
 
 def _weights_at(problem: Problem, index: np.ndarray) -> np.ndarray:
@@ -134,7 +142,7 @@ def law_box(parameters: tuple[Parameter, ...], size: Scales) -> Box:
 
 
 def widest(parameters: tuple[Parameter, ...], size: Scales) -> Box:
-    """Bounds beyond which the data cannot tell one value from another: where a refined parameter ends up that they do not determine."""
+    """Bounds beyond which the data cannot tell one value from another; a parameter that they do not determine ends up there."""
     ranges: Mapping[str, tuple[float, float, bool]] = {
         "N m": (0.02 * size.torque, 5.0 * size.torque, True),
         "rad/s": (0.3 * size.slow, FASTEST_DROP * size.velocity, True),
@@ -183,7 +191,14 @@ class ShapeCost:
         p = self._points
         sums = np.empty((len(shapes), kernels.GRAM))
         kernels.normal_equations(
-            p.velocity, p.travel, p.carry, p.acceleration, self._target, p.weight, np.ascontiguousarray(shapes), sums
+            p.velocity,
+            p.travel,
+            p.carry,
+            p.acceleration,
+            self._target,
+            p.weight,
+            np.ascontiguousarray(shapes),
+            sums,
         )
         gram = np.zeros((len(shapes), 5, 5))
         rows, columns = np.triu_indices(5)
@@ -198,7 +213,9 @@ class ShapeCost:
 
     def unknowns(self, position: np.ndarray) -> np.ndarray:
         distance, ratio, stribeck = self.box.values(position)
-        coulomb, damping, viscous, inertia, offset = self._solved(np.array([[distance, ratio, stribeck]]))[0][0]
+        coulomb, damping, viscous, inertia, offset = self._solved(np.array([[distance, ratio, stribeck]]))[0][
+            0
+        ]
         result = self._start.copy()
         result[:6] = coulomb, ratio * coulomb, stribeck, coulomb / distance, damping, viscous
         if self._used[3] and inertia > 0.05 * self._start[6]:
@@ -256,7 +273,14 @@ class LuGreCost:
         """Eq. 5 for candidates (m, 8): law parameters, inertia, offset."""
         p, out = self._points, np.empty(len(candidates))
         kernels.squared_errors(
-            p.velocity, p.travel, p.carry, p.acceleration, p.target, p.weight, np.ascontiguousarray(candidates), out
+            p.velocity,
+            p.travel,
+            p.carry,
+            p.acceleration,
+            p.target,
+            p.weight,
+            np.ascontiguousarray(candidates),
+            out,
         )
         return 0.5 * out
 
@@ -272,40 +296,52 @@ class LuGreCost:
 
 
 class AnyCost:
-    """Any law: parameters are searched except those the torque is proportional to, which are solved for with inertia and offset."""
+    """Any law: what the torque is proportional to is solved for with inertia and offset, other parameters are searched."""
 
     def __init__(self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray) -> None:
-        self._index, motion = coarse(problem.motion, search_stride(problem.motion, 2 * SEARCH_POINTS // 3))
+        index, motion = coarse(problem.motion, search_stride(problem.motion, 2 * SEARCH_POINTS // 3))
+        self._thin = thinning(motion)
         self._model = AnyModel(problem.axis, motion)
         self._start, self._problem = start, problem
-        self._weight = _weights_at(problem, self._index)
+        self._weight = _weights_at(problem, index[self._thin.centres])
         parameters = problem.axis.friction.term.parameters
         linear = [p.role is Role.LINEAR for p in parameters]
-        self._searched = [k for k, one in enumerate(linear) if not one and parameters[k].role is not Role.FIXED]
+        self._searched = [
+            k for k, one in enumerate(linear) if not one and parameters[k].role is not Role.FIXED
+        ]
         self._linear = [k for k, one in enumerate(linear) if one]
         held = [] if free_inertia else [problem.inertia_index]
         held += [] if free_offset else [problem.offset_index]
-        self._solved = [*self._linear, *(k for k in (problem.inertia_index, problem.offset_index) if k not in held)]
-        fixed = {problem.inertia_index: motion.acceleration, problem.offset_index: np.ones(len(motion))}
+        self._solved = [
+            *self._linear,
+            *(k for k in (problem.inertia_index, problem.offset_index) if k not in held),
+        ]
+        known = self._thin.apply(
+            np.column_stack([motion.acceleration, np.ones(len(motion)), problem.rotor[index]])
+        )
+        fixed = {problem.inertia_index: known[:, 0], problem.offset_index: known[:, 1]}
         self._fixed = fixed
-        self._target = problem.rotor[self._index] - sum(start[k] * fixed[k] for k in held)
+        self._target = known[:, 2] - sum(start[k] * fixed[k] for k in held)
         size = scales(problem, float(start[problem.inertia_index]))
         self.box = law_box(tuple(parameters[k] for k in self._searched), size)
         self._unit = size.torque / size.velocity
+
+    def _torque(self, law: np.ndarray) -> np.ndarray:
+        return self._thin.modelled(self._model.torque(law, np.zeros(0))[:, None])[:, 0]
 
     def _fit(self, position: np.ndarray) -> tuple[np.ndarray, float]:
         unknowns = self._start.copy()
         unknowns[self._searched] = self.box.values(position)
         law = unknowns[: self._problem.law_size].copy()
         law[self._linear] = 0.0
-        torque = self._model.torque(law, np.zeros(0))
+        torque = self._torque(law)
         columns = []
         for k in self._solved:
             if k in self._fixed:
                 columns.append(self._fixed[k])
             else:
                 law[k] = self._unit
-                columns.append((self._model.torque(law, np.zeros(0)) - torque) / self._unit)
+                columns.append((self._torque(law) - torque) / self._unit)
                 law[k] = 0.0
         root = np.sqrt(self._weight)
         aim = root * (self._target - torque)

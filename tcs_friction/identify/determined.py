@@ -20,7 +20,7 @@ PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
 
 @dataclass(frozen=True, eq=False)
 class Verdicts:
-    """refined: the final fit. space: with what could not be determined held. reasons: index of unknown -> why it is undetermined."""
+    """refined: the final fit. space: what could not be determined is held. reasons: index of unknown -> why undetermined."""
 
     refined: Refined
     space: Space
@@ -85,7 +85,9 @@ def _beforehand(problem: Problem, space: Space) -> dict[int, str]:
     if not space.free[problem.offset_index]:
         reasons[problem.offset_index] = "held at zero"
     if not motion.reverses:
-        reasons[problem.offset_index] = "the recording never reverses, so a constant torque cannot be told from Coulomb torque"
+        reasons[problem.offset_index] = (
+            "the recording never reverses, so a constant torque cannot be told from Coulomb torque"
+        )
         for name in PRESLIDING:
             if name in names:
                 reasons[names.index(name)] = "the recording never reverses"
@@ -93,7 +95,11 @@ def _beforehand(problem: Problem, space: Space) -> dict[int, str]:
 
 
 def _with_believed(
-    problem: Problem, unknowns: np.ndarray, space: Space, reasons: Mapping[int, str], believed: Mapping[str, float]
+    problem: Problem,
+    unknowns: np.ndarray,
+    space: Space,
+    reasons: Mapping[int, str],
+    believed: Mapping[str, float],
 ) -> np.ndarray:
     """Undetermined unknowns as believed; where nothing is, so that they act as little as can be."""
     result = unknowns.copy()
@@ -112,10 +118,12 @@ def _with_believed(
 
 
 def _companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:
-    """What means nothing without its companion: the static torque without the velocity of the drop, bristle damping without stiffness."""
+    """What means nothing without its companion: static torque without the drop's velocity, damping without stiffness."""
     names = problem.names
     pairs = (("stribeck_velocity", "static"), ("static", "stribeck_velocity"), ("stiffness", "damping"))
-    known = [(names.index(one), names.index(other)) for one, other in pairs if one in names and other in names]
+    known = [
+        (names.index(one), names.index(other)) for one, other in pairs if one in names and other in names
+    ]
     return {other: reasons[one] for one, other in known if one in reasons and other not in reasons}
 
 
@@ -171,5 +179,7 @@ def _reason(problem: Problem, k: int) -> str:
 def _notes(problem: Problem, reasons: Mapping[int, str]) -> tuple[str, ...]:
     notes = []
     if problem.inertia_index not in reasons:
-        notes.append("inertia and torque constant cannot be told apart: all torques are in units of the logged torque")
+        notes.append(
+            "inertia and torque constant cannot be told apart: all torques are in units of the logged torque"
+        )
     return tuple(notes)

@@ -12,7 +12,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.identify import pso_ga
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
-from tcs_friction.identify.motion import Data, Motion, prepare
+from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.pso_ga import Generation, SwarmOptions
 from tcs_friction.identify.refine import Outcome, Refined, Space, refine
@@ -35,7 +35,8 @@ class IdentifyOptions:
     """What a caller may choose.
 
     hold_inertia: keep the axis file's. offset: allow a constant torque. loss: `squares` or `huber` (outliers count less).
-    bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods; box: their search box.
+    bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods;
+    box: where they search.
     """
 
     hold_inertia: bool = False
@@ -68,8 +69,8 @@ def identify(
     ----------
     data: recordings, or friction series of an observer (then there is no inertia to find), one data set with common physics.
     axis: what is believed; its effects and known delay are taken into account, its values start the search.
-    method: `default` (swarm over the shape, linear part solved for, Levenberg-Marquardt), `pso-ga`, `pso`, `ga` (the search alone),
-        `paper` (pso-ga with the paper's settings).
+    method: `default` (swarm over the shape, linear part solved for, Levenberg-Marquardt), `pso-ga`, `pso`, `ga`
+        (the search alone), `paper` (pso-ga with the paper's settings).
     law: name of the law to fit; None: the axis' own.
     seed: same data, seed and settings: same result.
     progress, cancel: called once a generation.
@@ -104,7 +105,10 @@ def identify(
     return Identification(
         law=axis.friction.term.id,
         method=method,
-        parameters={p.name: _estimate(problem, verdicts, covariance, k) for k, p in enumerate(axis.friction.term.parameters)},
+        parameters={
+            p.name: _estimate(problem, verdicts, covariance, k)
+            for k, p in enumerate(axis.friction.term.parameters)
+        },
         inertia=_estimate(problem, verdicts, covariance, problem.inertia_index),
         offset=_estimate(problem, verdicts, covariance, problem.offset_index),
         directions=directions,
@@ -137,7 +141,12 @@ def _law_instance(axis: Axis, law: str | None) -> Instance:
 
 
 def _cost(
-    problem: Problem, method: str, free_inertia: bool, free_offset: bool, start: np.ndarray, options: IdentifyOptions
+    problem: Problem,
+    method: str,
+    free_inertia: bool,
+    free_offset: bool,
+    start: np.ndarray,
+    options: IdentifyOptions,
 ) -> SearchCost:
     if problem.axis.friction.term.id != "lugre":
         return AnyCost(problem, free_inertia, free_offset, start)
@@ -177,7 +186,14 @@ def _errors(problem: Problem, verdicts: Verdicts, training: np.ndarray, loss: st
     if polish:
         part = problem.masked(training)
         fitted = refine(
-            part.linearised, part.torque, part.target, part.weights, verdicts.refined.unknowns, verdicts.space, loss, iterations=8
+            part.linearised,
+            part.torque,
+            part.target,
+            part.weights,
+            verdicts.refined.unknowns,
+            verdicts.space,
+            loss,
+            iterations=8,
         )
         residual = fitted.residual
     else:
@@ -223,12 +239,20 @@ def _directions(problem: Problem, verdicts: Verdicts, loss: str) -> Mapping[str,
         if np.count_nonzero(part.weights) < LEAST_ONE_WAY:
             continue
         fitted = refine(
-            part.linearised, part.torque, part.target, part.weights, verdicts.refined.unknowns, space, loss, iterations=20
+            part.linearised,
+            part.torque,
+            part.target,
+            part.weights,
+            verdicts.refined.unknowns,
+            space,
+            loss,
+            iterations=20,
         )
         covariance = _covariance(fitted, space.free)
         chosen = replace(verdicts, refined=fitted)
         result[way] = {
-            p.name: _estimate(part, chosen, covariance, k) for k, p in enumerate(problem.axis.friction.term.parameters)
+            p.name: _estimate(part, chosen, covariance, k)
+            for k, p in enumerate(problem.axis.friction.term.parameters)
         }
     return result
 
@@ -238,10 +262,20 @@ def _fit(problem: Problem, refined: Refined) -> Fit:
     rest = inertia * problem.acceleration + offset
     modelled = problem.target - refined.residual
     bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
-    return Fit(problem.times, problem.velocity, problem.target, modelled, problem.target - rest, modelled - rest, bounds)
+    return Fit(
+        problem.times,
+        problem.velocity,
+        problem.target,
+        modelled,
+        problem.target - rest,
+        modelled - rest,
+        bounds,
+    )
 
 
-def _correlation(problem: Problem, verdicts: Verdicts, covariance: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+def _correlation(
+    problem: Problem, verdicts: Verdicts, covariance: np.ndarray
+) -> tuple[tuple[str, ...], np.ndarray]:
     index = [k for k in np.flatnonzero(verdicts.space.free) if k < problem.law_size + 2]
     names = tuple(problem.names[k] for k in index)
     return names, correlations(covariance[np.ix_(index, index)])

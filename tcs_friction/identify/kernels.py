@@ -1,8 +1,8 @@
 """Compiled loops of LuGre identification over motion (n,) and populations (m, ...).
 
-The bristle is stepped as in `physics.friction.lugre` (bristle_step, stribeck_level), in the torque Z = sigma0 z. Candidates go side
-by side in lanes that the processor computes together, and the exponential is a polynomial for the same reason: 25 times the speed of
-one candidate at a time. `test_identify_kernels` holds both forms against each other.
+The bristle is stepped as in `physics.friction.lugre` (bristle_step, stribeck_level), in the torque Z = sigma0 z.
+Candidates go side by side in lanes that the processor computes together, and the exponential is a polynomial for the
+same reason: many times the speed of one candidate at a time. Tests hold both forms against each other.
 
 Common arguments: `velocity` (rad/s), `travel` (rad since the sample before), `carry` (1 within a stretch, 0 where one
 starts), `target` (N m), `weight` (1: counts in the cost, 0: does not), each (n,).
@@ -45,7 +45,14 @@ def mean_decay(widths: Any, decay: Any) -> Any:
 
 @njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)
 def squared_errors(
-    velocity: Any, travel: Any, carry: Any, acceleration: Any, target: Any, weight: Any, population: Any, out: Any
+    velocity: Any,
+    travel: Any,
+    carry: Any,
+    acceleration: Any,
+    target: Any,
+    weight: Any,
+    population: Any,
+    out: Any,
 ) -> None:
     """Sum of squared errors (eq. 5, twice) of each candidate, `out` (m,).
 
@@ -54,7 +61,9 @@ def squared_errors(
     L = LANES
     count = population.shape[0]
     for block in prange((count + L - 1) // L):
-        w = np.zeros(11 * L)  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum, level before
+        w = np.zeros(
+            11 * L
+        )  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum, level before
         for j in range(L):
             p = population[min(block * L + j, count - 1)]
             w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
@@ -71,7 +80,9 @@ def squared_errors(
                 widths = w[3 * L + j] * moved * 2.0 / (before + level)
                 decay = falling_exponential(-widths)
                 mean = mean_decay(widths, decay)
-                bristle = kept * w[8 * L + j] * decay + direction * (before * (mean - decay) + level * (1.0 - mean))
+                bristle = kept * w[8 * L + j] * decay + direction * (
+                    before * (mean - decay) + level * (1.0 - mean)
+                )
                 w[8 * L + j] = bristle
                 torque = bristle + w[4 * L + j] * (v - speed / level * bristle) + w[5 * L + j] * v
                 error = torque + w[6 * L + j] * a + w[7 * L + j] - aim
@@ -86,8 +97,8 @@ def normal_equations(
 ) -> None:
     """The linear part of LuGre for each shape: sums from which the best linear coefficients follow (variable projection).
 
-    `shapes` (m, 3): presliding distance coulomb/stiffness (rad), static/coulomb, Stribeck velocity (rad/s). With these fixed the torque
-    is linear in coulomb, damping, viscous, inertia and offset. `out` (m, GRAM): upper triangle of the weighted
+    `shapes` (m, 3): presliding distance coulomb/stiffness (rad), static/coulomb, Stribeck velocity (rad/s). With these
+    fixed the torque is linear in coulomb, damping, viscous, inertia and offset. `out` (m, GRAM): upper triangle of the weighted
     Gram matrix row by row, then the products with the target.
     """
     L = LANES
@@ -140,8 +151,8 @@ def normal_equations(
 def sensitivities(velocity: Any, travel: Any, bounds: Any, parameters: Any, initial: Any, out: Any) -> None:
     """LuGre torque and its exact derivatives, integrated beside the bristle.
 
-    `bounds` (s + 1,): the stretches; `initial` (s,): bristle torque Z at their starts, N m. `out` (n, 8): torque; derivatives by
-    coulomb, static, stribeck_velocity, stiffness, damping, viscous; derivative by the stretch's initial Z.
+    `bounds` (s + 1,): the stretches; `initial` (s,): bristle torque Z at their starts, N m. `out` (n, 8): torque;
+    derivatives by coulomb, static, stribeck_velocity, stiffness, damping, viscous; derivative by the stretch's initial Z.
     """
     coulomb, static, stribeck, stiffness, damping, viscous = parameters
     for s in range(len(bounds) - 1):
@@ -160,10 +171,14 @@ def sensitivities(velocity: Any, travel: Any, bounds: Any, parameters: Any, init
                 widths = stiffness * abs(travel[i]) * 2.0 / both
                 e = math.exp(-widths)
                 mean = mean_decay(widths, e)
-                bend = (e - mean) / widths if widths > 1e-3 else -0.5 + widths / 3.0 - widths * widths / 8.0  # of mean by widths
+                bend = -0.5 + widths / 3.0 - widths * widths / 8.0  # derivative of mean by widths
+                if widths > 1e-3:
+                    bend = (e - mean) / widths
                 by_widths = -z * e + sign * (before * (bend + e) - g * bend)
                 first, second, stretch = sign * (mean - e), sign * (1.0 - mean), -by_widths * widths / both
-                z_c = z_c * e + first * (1.0 - bell_before) + second * g_c + stretch * (1.0 - bell_before + g_c)
+                z_c = (
+                    z_c * e + first * (1.0 - bell_before) + second * g_c + stretch * (1.0 - bell_before + g_c)
+                )
                 z_s = z_s * e + first * bell_before + second * g_s + stretch * (bell_before + g_s)
                 z_w = z_w * e + first * slope_before + second * g_w + stretch * (slope_before + g_w)
                 z_k = z_k * e + by_widths * widths / stiffness
@@ -184,7 +199,7 @@ def sensitivities(velocity: Any, travel: Any, bounds: Any, parameters: Any, init
 
 @njit(cache=True, error_model="numpy")
 def decimate(columns: Any, centres: Any, taps: Any, out: Any) -> None:
-    """Symmetric filter `taps` (2h + 1,) of `columns` (n, k) at the samples `centres` (m,), which lie h from any edge; `out` (m, k)."""
+    """Symmetric filter `taps` (2h + 1,) of `columns` (n, k) at samples `centres` (m,), h from any edge; `out` (m, k)."""
     half = len(taps) // 2
     for i in range(len(centres)):
         for k in range(columns.shape[1]):

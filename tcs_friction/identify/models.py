@@ -14,7 +14,9 @@ from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Place, instance
 
-PROLOGUE = 24  # samples of steady motion that bring a law's memory to sliding before a stretch that starts in motion
+PROLOGUE = (
+    24  # samples of steady motion that bring a law's memory to sliding before a stretch that starts in motion
+)
 
 
 class Model(Protocol):
@@ -23,13 +25,15 @@ class Model(Protocol):
     def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
         """(n,) N m of friction (and effects that depend on it)."""
 
-    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def derivatives(
+        self, values: np.ndarray, initial: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Torque (n,), its derivatives (n, p), and that by the stretch's own initial bristle torque (n,) or None."""
 
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """What of the torque is known before the fit: applied torque at the rotor and opposing torque of believed effects, each (n,)."""
+    """What is known before the fit, each (n,): torque applied at the rotor, opposing torque of believed effects."""
 
     rotor: np.ndarray
     opposing: np.ndarray
@@ -74,7 +78,15 @@ def _slide(machine: compiled.Machine, motion: Motion, start: int, signals: np.nd
     scratch = np.empty((PROLOGUE, 8))
     held = np.ascontiguousarray(np.repeat(signals[:, start : start + 1], PROLOGUE, axis=1))
     compiled.evaluate(
-        machine, t, position, velocity * same, 0.0 * same, motion.torque[start] * same, held, motion.resolution, scratch
+        machine,
+        t,
+        position,
+        velocity * same,
+        0.0 * same,
+        motion.torque[start] * same,
+        held,
+        motion.resolution,
+        scratch,
     )
 
 
@@ -94,7 +106,9 @@ class LuGreModel:
     def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
         return self._run(values, initial)[:, 0]
 
-    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def derivatives(
+        self, values: np.ndarray, initial: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         out = self._run(values, initial)
         return out[:, 0], out[:, 1:7], out[:, 7]
 
@@ -108,7 +122,9 @@ class DahlModel(LuGreModel):
     def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
         return super().torque(self._as_lugre(values), initial)
 
-    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def derivatives(
+        self, values: np.ndarray, initial: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         torque, slopes, first = super().derivatives(self._as_lugre(values), initial)
         return torque, np.column_stack([slopes[:, 0] + slopes[:, 1], slopes[:, 3], slopes[:, 5]]), first
 
@@ -132,11 +148,13 @@ class AnyModel:
         return replace(self._axis, friction=instance(self._axis.friction.term, clipped))
 
     def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:  # noqa: ARG002
-        out = evaluated(self._axis_with(values), self._motion)
+        out = evaluated(self._axis_with(values.tolist()), self._motion)
         moving: np.ndarray = out[:, compiled.REQUIRED] - out[:, compiled.OPPOSED]
         return moving - out[:, compiled.MOVED] * self._motion.acceleration
 
-    def derivatives(self, values: np.ndarray, initial: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def derivatives(
+        self, values: np.ndarray, initial: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         slopes = np.empty((len(self._motion), len(values)))
         for k in range(len(values)):
             step = max(1e-5 * abs(values[k]), self._least[k])

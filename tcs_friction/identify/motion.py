@@ -19,7 +19,9 @@ from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
 LEAST_SAMPLES = 32  # of a segment that is worth filtering
-SAMPLES_PER_CYCLE = 32.0  # of the bandwidth: as many as a bristle's step needs between which velocity runs linearly
+SAMPLES_PER_CYCLE = (
+    32.0  # of the bandwidth: as many as a bristle's step needs between which velocity runs linearly
+)
 UNSURE = 0.02  # of the range of positions: travel after a start within which a bristle may remember what nobody saw
 SPIKE_WINDOW = 9  # samples
 SPIKE = 8.0  # robust standard deviations
@@ -49,17 +51,28 @@ class FrictionSeries:
             if values.ndim != 1 or len(values) != len(self.t):
                 raise InputError(self.source, f"{name} has shape {values.shape}", f"({len(self.t)},) like t")
             if not np.isfinite(values).all():
-                raise InputError(self.source, f"{name}[{int(np.argmin(np.isfinite(values)))}] is not finite", "finite samples")
+                raise InputError(
+                    self.source,
+                    f"{name}[{int(np.argmin(np.isfinite(values)))}] is not finite",
+                    "finite samples",
+                )
             values.flags.writeable = False
             object.__setattr__(self, name, values)
         if len(self.t) < LEAST_SAMPLES:
             raise InputError(self.source, f"{len(self.t)} samples", f"at least {LEAST_SAMPLES}")
         if not (np.diff(self.t) > 0.0).all():
-            raise InputError(self.source, f"t must strictly increase; t[{int(np.argmin(np.diff(self.t) > 0.0)) + 1}] does not")
+            raise InputError(
+                self.source,
+                f"t must strictly increase; t[{int(np.argmin(np.diff(self.t) > 0.0)) + 1}] does not",
+            )
         if not 0.0 <= self.delay < self.t[-1] - self.t[0]:
             raise InputError(self.source, f"delay is {self.delay!r}", "from 0 to the series' duration, s")
         if not 0.0 <= self.bandwidth < 0.5 / float(np.median(np.diff(self.t))):
-            raise InputError(self.source, f"bandwidth is {self.bandwidth!r}", "from 0 (no filter) to half the sample rate, Hz")
+            raise InputError(
+                self.source,
+                f"bandwidth is {self.bandwidth!r}",
+                "from 0 (no filter) to half the sample rate, Hz",
+            )
 
     @property
     def lag(self) -> float:
@@ -150,13 +163,22 @@ def _from_series(series: Sequence[FrictionSeries]) -> Motion:
         t, velocity = item.t[kept], item.velocity[kept]
         position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))])
         parts.append((t, position, velocity, np.zeros(len(t)), friction[kept]))
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    t, position, velocity, acceleration, friction = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     bounds = np.concatenate([[0], np.cumsum([len(part[0]) for part in parts])]).astype(np.int64)
     rate = 1.0 / float(np.median(np.concatenate([np.diff(part[0]) for part in parts])))
     noise = float(np.median([_roughness(part[2]) for part in parts]))
     if len({item.bandwidth for item in series}) > 1:
-        raise InputError(series[-1].source, f"filter bandwidth {series[-1].bandwidth:g} Hz", f"{series[0].bandwidth:g} Hz as in the others")
-    return Motion(*columns, bounds, rate, 0.0, noise, True, sources=tuple(range(len(parts))), filtered=series[0].bandwidth)
+        found, expected = (
+            f"filter bandwidth {series[-1].bandwidth:g} Hz",
+            f"{series[0].bandwidth:g} Hz as before",
+        )
+        raise InputError(series[-1].source, found, expected)
+    return Motion(
+        t, position, velocity, acceleration, friction, bounds, rate, 0.0, noise, True,
+        sources=tuple(range(len(parts))), filtered=series[0].bandwidth,
+    )  # fmt: skip
 
 
 def _roughness(values: np.ndarray) -> float:
@@ -171,12 +193,19 @@ def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None, d
     grids = [(k, _regular(item, part, rate)) for k, item in enumerate(recordings) for part in item.segments]
     grids = [(k, columns) for k, columns in grids if len(columns["t"]) >= LEAST_SAMPLES]
     if not grids:
-        raise InputError(recordings[0].source, "every stretch is too short", f"{LEAST_SAMPLES} samples without a gap")
+        raise InputError(
+            recordings[0].source, "every stretch is too short", f"{LEAST_SAMPLES} samples without a gap"
+        )
     notes = []
     if despike:
         cleaned = [without_spikes(columns["torque"]) for _, columns in grids]
-        grids = [(k, {**columns, "torque": torque}) for (k, columns), (torque, _) in zip(grids, cleaned, strict=True)]
-        notes.append(f"torque: {sum(count for _, count in cleaned)} wild samples replaced by their neighbours' median")
+        grids = [
+            (k, {**columns, "torque": torque})
+            for (k, columns), (torque, _) in zip(grids, cleaned, strict=True)
+        ]
+        notes.append(
+            f"torque: {sum(count for _, count in cleaned)} wild samples replaced by their neighbours' median"
+        )
     density = float(np.median([noise_density(columns["position"], rate) for _, columns in grids]))
     chosen = bandwidth or min(useful_bandwidth(columns["position"], rate, density) for _, columns in grids)
     chosen = min(chosen, 0.4 * rate)
@@ -188,7 +217,7 @@ def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None, d
     exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
     notes.append(f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz")
     return Motion(
-        *(joined[name] for name in known),
+        joined["t"], joined["position"], joined["velocity"], joined["acceleration"], joined["torque"],
         bounds, rate, chosen, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
         tuple(k for k, _ in parts), tuple(notes),
     )  # fmt: skip
@@ -205,14 +234,19 @@ def _regular(recording: Recording, part: slice, rate: float) -> dict[str, np.nda
     if np.quantile(uneven, 0.9) <= UNIFORM:
         return columns
     grid = t[0] + np.arange(int((t[-1] - t[0]) * rate) + 1) / rate
-    return {"t": grid, **{name: np.interp(grid, t, values) for name, values in columns.items() if name != "t"}}
+    return {
+        "t": grid,
+        **{name: np.interp(grid, t, values) for name, values in columns.items() if name != "t"},
+    }
 
 
 def noise_density(position: np.ndarray, rate: float) -> float:
     """One-sided density of the position's noise, rad^2/Hz, from the uppermost frequencies, where an axis does not move."""
     frequency, density = _spectrum(position, rate)
     top = frequency > 0.35 * rate
-    return float(np.median(density[top]) / 0.7) if top.any() else 0.0  # median of an exponential variate over few averages
+    return (
+        float(np.median(density[top]) / 0.7) if top.any() else 0.0
+    )  # median of an exponential variate over few averages
 
 
 def _spectrum(position: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
@@ -265,11 +299,15 @@ def coarse(motion: Motion, stride: int) -> tuple[np.ndarray, Motion]:
     kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
     index = np.concatenate(kept)
     bounds = np.concatenate([[0], np.cumsum([len(k) for k in kept])]).astype(np.int64)
-    columns = {name: getattr(motion, name)[index] for name in ("t", "position", "velocity", "acceleration", "torque")}
+    columns = {
+        name: getattr(motion, name)[index] for name in ("t", "position", "velocity", "acceleration", "torque")
+    }
     temperature = None if motion.temperature is None else motion.temperature[index]
     exogenous = {name: values[index] for name, values in motion.exogenous.items()}
     rate = motion.rate / stride
-    return index, replace(motion, **columns, bounds=bounds, rate=rate, temperature=temperature, exogenous=exogenous)
+    return index, replace(
+        motion, **columns, bounds=bounds, rate=rate, temperature=temperature, exogenous=exogenous
+    )
 
 
 def unsure_start(motion: Motion) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The least-squares problem: what is compared with what, filtered alike and thinned to the rate that still carries information."""
+"""The least-squares problem: what is compared with what, filtered alike, at the rate that still carries information."""
 
 from __future__ import annotations
 
@@ -40,7 +40,9 @@ class Thinning:
                 passed[start:stop] = sosfiltfilt(self.sections, part, axis=0, padlen=padding)
                 continue
             rest = sosfilt_zi(self.sections)[:, :, None] * part[0]
-            filtered = sosfilt(self.sections, np.vstack([part, np.repeat(part[-1:], self.lead, axis=0)]), axis=0, zi=rest)[0]
+            filtered = sosfilt(
+                self.sections, np.vstack([part, np.repeat(part[-1:], self.lead, axis=0)]), axis=0, zi=rest
+            )[0]
             passed[start:stop] = filtered[self.lead :]
         return self.apply(passed)
 

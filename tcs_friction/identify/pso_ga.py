@@ -1,8 +1,9 @@
 """The paper's PSO-GA: a particle swarm whose worse half is evolved genetically, generation after generation.
 
-Steps 1 to 14 and equations 5 to 8 and 12 to 15 of the paper (section 3.2 and 5.3), with the errata of docs/paper-errata.md: positions and
-velocities live in the normalised search box, so that one velocity limit serves parameters of all sizes; step 10 reads
-`if K > G_GA`; the roulette wheel gives equal chances when all costs are equal. PSO and GA alone are the same pieces.
+Steps 1 to 14 and equations 5 to 8 and 12 to 15 of the paper (sections 3.2 and 5.3), with the errata of
+docs/paper-errata.md: positions and velocities live in the normalised search box, so that one velocity limit serves
+parameters of all sizes; step 10 reads `if K > G_GA`; the roulette wheel gives equal chances when all costs are equal.
+A swarm hands on where its particles were best. PSO and GA alone are the same pieces.
 """
 
 from __future__ import annotations
@@ -42,7 +43,11 @@ class SwarmOptions:
             least = 4 if name == "population" else 1
             if getattr(self, name) < least:
                 raise InputError(f"pso-ga: {name}", repr(getattr(self, name)), f"at least {least}")
-        if self.swarm_generations < 0 or self.genetic_generations < 0 or self.swarm_generations + self.genetic_generations < 1:
+        if (
+            self.swarm_generations < 0
+            or self.genetic_generations < 0
+            or self.swarm_generations + self.genetic_generations < 1
+        ):
             raise InputError("pso-ga: generations", "none of PSO nor of GA", "at least one of them")
         if not 0.0 <= self.crossover <= 1.0:
             raise InputError("pso-ga: crossover", repr(self.crossover), "0 to 1")
@@ -118,7 +123,9 @@ def roulette(costs: np.ndarray, count: int, random: np.random.Generator) -> np.n
     total = value.sum()
     probability = value / total if total > 0.0 else np.full(len(costs), 1.0 / len(costs))
     cumulative = np.cumsum(probability)
-    return np.minimum(np.searchsorted(cumulative, random.random(count) * cumulative[-1], side="right"), len(costs) - 1)
+    return np.minimum(
+        np.searchsorted(cumulative, random.random(count) * cumulative[-1], side="right"), len(costs) - 1
+    )
 
 
 def cross(parents: np.ndarray, probability: float, random: np.random.Generator) -> np.ndarray:
@@ -219,7 +226,9 @@ def search(
         if state.outcome is not None:
             break
     outcome = state.outcome or Outcome.BUDGET_SPENT
-    return SearchResult(state.best, state.best_cost, np.array(state.history), state.evaluations, outcome)  # step 14
+    return SearchResult(
+        state.best, state.best_cost, np.array(state.history), state.evaluations, outcome
+    )  # step 14
 
 
 def _swarm(state: _Search, position: np.ndarray, costs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -243,7 +252,10 @@ def _evolve_worse(state: _Search, position: np.ndarray, costs: np.ndarray) -> tu
     options, random = state.options, state.random
     better, worse = split(costs)  # step 8: generation II1, and the GA's population
     if options.swarm_generations == 0:
-        better, worse = better[:1], np.setdiff1d(np.arange(len(costs)), better[:1])  # GA alone keeps its elite
+        better, worse = (
+            better[:1],
+            np.setdiff1d(np.arange(len(costs)), better[:1]),
+        )  # GA alone keeps its elite
     if len(worse) < 2 or options.genetic_generations == 0:
         return position, costs
     evolving, evolving_costs = position[worse], costs[worse]

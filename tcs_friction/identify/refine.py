@@ -26,7 +26,7 @@ class Outcome(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """unknowns (p,), residual (m,) measured minus modelled, jacobian (m, p) of the model, weights (m,) of the loss, evaluations."""
+    """unknowns (p,), residual (m,) measured minus modelled, jacobian (m, p) of the model, weights (m,) of the loss."""
 
     unknowns: np.ndarray
     residual: np.ndarray
@@ -79,7 +79,8 @@ def refine(
 ) -> Refined:
     """Minimise half the weighted sum of squared (or Huber) errors from `start` (p,).
 
-    Steps are damped (Marquardt 1963: scaled by the diagonal), a held or bound unknown that would leave its bounds is taken out of the step.
+    Steps are damped (Marquardt 1963: scaled by the diagonal); an unknown at a bound that would leave it is taken out of
+    the step.
     """
     unknowns = np.clip(start, space.lower, space.upper)
     damping, evaluations, outcome = 1e-3, 1, Outcome.BUDGET_SPENT
@@ -119,13 +120,20 @@ def refine(
 
 
 def _step(
-    unknowns: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, emphasis: np.ndarray, space: Space, damping: float
+    unknowns: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    emphasis: np.ndarray,
+    space: Space,
+    damping: float,
 ) -> np.ndarray:
     scale = np.where(space.logarithmic, unknowns, 1.0)
     slopes = jacobian * scale
     gradient = slopes.T @ (emphasis * residual)
     moving = space.free & (np.abs(slopes).max(axis=0, initial=0.0) > 0.0)
-    moving &= ~((unknowns <= space.lower) & (gradient < 0.0)) & ~((unknowns >= space.upper) & (gradient > 0.0))
+    moving &= ~((unknowns <= space.lower) & (gradient < 0.0)) & ~(
+        (unknowns >= space.upper) & (gradient > 0.0)
+    )
     index = np.flatnonzero(moving)
     trial = unknowns.copy()
     if not len(index):
@@ -134,7 +142,11 @@ def _step(
     normal = chosen.T @ (emphasis[:, None] * chosen)
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(size, size)
-    step = np.linalg.lstsq(scaled + damping * np.eye(len(index)), gradient[index] / size, rcond=1e-13)[0] / size
+    step = (
+        np.linalg.lstsq(scaled + damping * np.eye(len(index)), gradient[index] / size, rcond=1e-13)[0] / size
+    )
     logarithmic = space.logarithmic[index]
-    trial[index] = np.where(logarithmic, unknowns[index] * np.exp(np.clip(step, -1.5, 1.5)), unknowns[index] + step)
+    trial[index] = np.where(
+        logarithmic, unknowns[index] * np.exp(np.clip(step, -1.5, 1.5)), unknowns[index] + step
+    )
     return np.clip(trial, space.lower, space.upper)

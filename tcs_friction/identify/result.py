@@ -52,7 +52,7 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The compared samples, for pictures; each (m,): t s, velocity rad/s, torque measured and modelled N m, and the friction parts of both."""
+    """The compared samples, for pictures, each (m,): t s, velocity rad/s, torque measured and modelled, friction in both, N m."""
 
     t: np.ndarray
     velocity: np.ndarray
@@ -72,9 +72,9 @@ class Fit:
 class Identification:
     """What was identified, how well, and how.
 
-    parameters: of the law, by their names in the axis file. directions: the same for motion one way only ("positive", "negative"),
-    without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns. bound: least standard
-    deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
+    parameters: of the law, by their names in the axis file. directions: the same for motion one way only ("positive",
+    "negative"), without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns.
+    bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
     history: best cost per generation of the global search. outcome: how the search ended.
     """
 
@@ -117,7 +117,8 @@ class Identification:
             "inertia": self.inertia.to_mapping(),
             "offset": self.offset.to_mapping(),
             "directions": {
-                way: {name: item.to_mapping() for name, item in found.items()} for way, found in self.directions.items()
+                way: {name: item.to_mapping() for name, item in found.items()}
+                for way, found in self.directions.items()
             },
             "rmse": {"train": _number(self.rmse.train), "held_out": _number(self.rmse.held_out)},
             "noise_floor": _number(self.noise_floor),
@@ -127,7 +128,10 @@ class Identification:
             "seed": self.seed,
             "outcome": self.outcome.value,
             "cramer_rao": {name: _number(value) for name, value in self.bound.items()},
-            "correlation": {"names": list(names), "matrix": [[round(float(x), 6) for x in row] for row in matrix]},
+            "correlation": {
+                "names": list(names),
+                "matrix": [[round(float(x), 6) for x in row] for row in matrix],
+            },
             "history": [float(x) for x in self.history],
             "notes": list(self.notes),
         }

@@ -28,18 +28,34 @@ def with_sliding_states(problem: Problem, unknowns: np.ndarray) -> np.ndarray:
     if "coulomb" in names:
         starting = problem.motion.velocity[problem.motion.bounds[:-1]]
         moving = np.abs(starting) > problem.motion.resolution
-        result[problem.law_size + 2 :] = np.where(moving, np.sign(starting) * unknowns[names.index("coulomb")], 0.0)
+        result[problem.law_size + 2 :] = np.where(
+            moving, np.sign(starting) * unknowns[names.index("coulomb")], 0.0
+        )
     return result
 
 
 def space_of(problem: Problem, free_inertia: bool, free_offset: bool) -> Space:
-    """Bounds within which the data can tell a parameter; positive ones move by factors; initial bristle torques are free where they can be."""
+    """Bounds within which the data can tell a parameter; positive ones move by factors; free initial bristle torques."""
     parameters = problem.axis.friction.term.parameters
     states = len(problem.motion.bounds) - 1
     free_states = hasattr(problem.model, "_bounds") and states <= MOST_INITIAL_STATES
     box = widest(parameters, scales(problem, problem.axis.inertia))
-    lower = np.array([*np.where(box.logarithmic, box.lower, [p.lower for p in parameters]), 1e-300, -np.inf, *[-np.inf] * states])
-    upper = np.array([*np.where(box.logarithmic, box.upper, [p.upper for p in parameters]), np.inf, np.inf, *[np.inf] * states])
+    lower = np.array(
+        [
+            *np.where(box.logarithmic, box.lower, [p.lower for p in parameters]),
+            1e-300,
+            -np.inf,
+            *[-np.inf] * states,
+        ]
+    )
+    upper = np.array(
+        [
+            *np.where(box.logarithmic, box.upper, [p.upper for p in parameters]),
+            np.inf,
+            np.inf,
+            *[np.inf] * states,
+        ]
+    )
     logarithmic = np.array([*(p.lower > 0.0 for p in parameters), True, False, *[False] * states])
     free = np.array(
         [*(p.role is not Role.FIXED for p in parameters), free_inertia, free_offset, *[free_states] * states]

@@ -1,4 +1,4 @@
-"""How well the data determine what was fitted: covariance that survives coloured residuals, bounds, and what cannot be determined."""
+"""How well the data determine what was fitted: covariance that survives coloured residuals, and the least possible one."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def cramer_rao(jacobian: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """
     count = len(jacobian)
     reach = min(count, len(noise))
-    bands = np.zeros((2 * reach - 1, count))  # the covariance has no more diagonals, and a solver for those is linear in m
+    bands = np.zeros(
+        (2 * reach - 1, count)
+    )  # the covariance has no more diagonals, and a solver for those is linear in m
     for lag in range(reach):
         bands[reach - 1 - lag, lag:] = bands[reach - 1 + lag, : count - lag] = noise[lag]
     bands[reach - 1] *= 1.0 + 1e-9

@@ -39,7 +39,13 @@ def walked(chosen: Instance, t: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 
 def recording(
-    axis: Axis, seconds: float = 36.0, seed: int = 0, noise: float = 0.3, offset: float = 0.0, period: float = PERIOD, rate: float = 500.0
+    axis: Axis,
+    seconds: float = 36.0,
+    seed: int = 0,
+    noise: float = 0.3,
+    offset: float = 0.0,
+    period: float = PERIOD,
+    rate: float = 500.0,
 ) -> Recording:
     """A sinusoid from rest with the torque that it takes, white torque noise and a little encoder noise."""
     random = np.random.default_rng(seed)
@@ -52,7 +58,14 @@ def recording(
     return Recording(t, measured, torque + noise * random.standard_normal(len(t)), source="test")
 
 
-def series(axis: Axis, seed: int = 0, noise: float = 0.5, seconds: float = 24.0, period: float = PERIOD, rate: float = 500.0) -> FrictionSeries:
+def series(
+    axis: Axis,
+    seed: int = 0,
+    noise: float = 0.5,
+    seconds: float = 24.0,
+    period: float = PERIOD,
+    rate: float = 500.0,
+) -> FrictionSeries:
     """Friction against time on the same sinusoid."""
     random = np.random.default_rng(seed)
     t = np.arange(int(seconds * rate)) / rate

@@ -23,7 +23,9 @@ def motion() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 def population(count: int) -> np.ndarray:
     random = np.random.default_rng(1)
     spread = VALUES * np.exp(0.4 * random.standard_normal((count, 6)))
-    return np.column_stack([spread, INERTIA * np.exp(0.1 * random.standard_normal(count)), random.standard_normal(count)])
+    return np.column_stack(
+        [spread, INERTIA * np.exp(0.1 * random.standard_normal(count)), random.standard_normal(count)]
+    )
 
 
 @pytest.mark.parametrize("x", [0.0, -1e-12, -0.3, -7.0, -43.9])
@@ -66,7 +68,13 @@ def test_normal_equations_hold_the_linear_part() -> None:
     sums = np.empty((len(shapes), kernels.GRAM))
     kernels.normal_equations(velocity, travel, carry, acceleration, target, weight, shapes, sums)
     for (distance, ratio, stribeck), row in zip(shapes, sums, strict=True):
-        unit = {"coulomb": 1.0, "static": ratio, "stribeck_velocity": stribeck, "stiffness": 1.0 / distance, "viscous": 0.0}
+        unit = {
+            "coulomb": 1.0,
+            "static": ratio,
+            "stribeck_velocity": stribeck,
+            "stiffness": 1.0 / distance,
+            "viscous": 0.0,
+        }
         slide = walked(axis_of({**unit, "damping": 0.0}).friction, t, position)
         rate = walked(axis_of({**unit, "damping": 1.0}).friction, t, position) - slide
         columns = np.column_stack([slide, rate, velocity, acceleration, np.ones(len(t))])

@@ -53,7 +53,9 @@ def test_velocity_is_limited_and_the_walls_hold() -> None:
     options = SwarmOptions(velocity_limit=0.1)
     random = np.random.default_rng(0)
     position = random.random((200, 3))
-    moved, speed = pso_ga.fly(position, np.zeros((200, 3)), np.ones((200, 3)), np.ones(3), 0.9, options, random)
+    moved, speed = pso_ga.fly(
+        position, np.zeros((200, 3)), np.ones((200, 3)), np.ones(3), 0.9, options, random
+    )
     assert np.abs(speed).max() <= 0.1
     assert np.abs(moved - position).max() <= 0.1 + 1e-12
     assert moved.max() == 1.0
@@ -107,7 +109,9 @@ def test_mutation_hits_so_many_genes_and_stays_in_the_box() -> None:
     assert ((mutated >= 0.0) & (mutated <= 1.0)).all()
 
 
-@pytest.mark.parametrize("options", [SMALL, alone(SMALL, "pso"), alone(SMALL, "ga")], ids=["pso-ga", "pso", "ga"])
+@pytest.mark.parametrize(
+    "options", [SMALL, alone(SMALL, "pso"), alone(SMALL, "ga")], ids=["pso-ga", "pso", "ga"]
+)
 def test_it_finds_the_bottom_of_a_bowl(options: SwarmOptions) -> None:
     found = search(bowl, 4, 0, replace(options, stagnation=1000))
     assert found.position == pytest.approx(0.3, abs=0.05)
@@ -179,4 +183,9 @@ def test_the_paper_preset_is_section_5_3() -> None:
     paper = pso_ga.PAPER
     assert (paper.generations, paper.swarm_generations, paper.genetic_generations) == (300, 300, 200)
     assert (paper.local_factor, paper.global_factor) == (1.3, 1.75)
-    assert (paper.greatest_weight, paper.least_weight, paper.crossover, paper.velocity_limit) == (0.9, 0.1, 0.9, 1.0)
+    assert (paper.greatest_weight, paper.least_weight, paper.crossover, paper.velocity_limit) == (
+        0.9,
+        0.1,
+        0.9,
+        1.0,
+    )

@@ -1,0 +1,58 @@
+"""The command line of identify: files, exit statuses, one line for every error."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tcs_friction.cli import main
+from tcs_friction.config import load_axis
+
+
+def test_emps_from_bag_to_files(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shared_data / "data" / "emps"
+    words = [
+        "identify",
+        str(folder / "recording"),
+        "--axis",
+        str(folder / "axis.yaml"),
+        "-o",
+        str(tmp_path),
+        "--json",
+    ]
+    assert main(words) == 0
+    captured = capsys.readouterr()
+    printed = json.loads(captured.out)
+    assert captured.err == ""
+    written = json.loads((tmp_path / "identification.json").read_text())
+    assert written == printed
+    assert written["schema"] == "tcs_friction/identification/1"
+    assert written["inertia"]["value"] == pytest.approx(95.109, rel=0.01)
+    assert set(written["directions"]) == {"positive", "negative"}
+    axis = load_axis(tmp_path / "axis.yaml").axis
+    assert axis.friction.values["coulomb"] == written["parameters"]["coulomb"]["value"]
+    assert [item.term.id for item in axis.effects] == ["torque_bias"]
+    assert (tmp_path / "report.html").is_file()
+
+
+def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shared_data / "data" / "emps"
+    bag, axis = str(folder / "recording"), str(folder / "axis.yaml")
+    bare = tmp_path / "bare.yaml"
+    bare.write_text("axis: {inertia: 1.0, friction: {law: coulomb_viscous, coulomb: 1.0, viscous: 1.0}}\n")
+    for words, message in (
+        ([bag, "--axis", str(bare)], "no signals block"),
+        ([bag, "--axis", axis, "--law", "lugr"], "lugre"),
+        ([bag, "--axis", axis, "--bandwidth", "-3"], "bandwidth"),
+        ([str(tmp_path / "none"), "--axis", axis], "none"),
+    ):
+        assert main(["identify", *words, "-o", str(tmp_path / "out")]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert error.startswith("tcs-friction: ")
+        assert message in error
+    assert not (tmp_path / "out").exists()
