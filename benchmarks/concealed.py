@@ -73,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", choices=["none", "one", "two", "three", "outside"], help="one kind of world"
     )
+    parser.add_argument("--count", type=int, help="only so many of the worlds, drawn at random from them")
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="processes")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import shutil
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.concealed import TOOL, Outcome, draw_cases, parameter_errors, rows, same_set
+from benchmarks.concealed import TOOL, Outcome, add_arguments, draw_cases, parameter_errors, rows, same_set
 from benchmarks.worlds import draw_world, write_world
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -132,3 +133,13 @@ def test_the_product_knows_nothing_of_the_generator() -> None:
             text = path.read_text()
             assert "benchmarks" not in text, path
             assert "truth.json" not in text, path
+
+
+def test_options_are_those_that_a_run_reads() -> None:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    options = parser.parse_args([])
+    assert options.count is None
+    assert options.limits is None
+    assert parser.parse_args(["--limits"]).limits == []
+    assert parser.parse_args(["--count", "3", "--only", "two"]).count == 3
