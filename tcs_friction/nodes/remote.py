@@ -14,7 +14,7 @@ from tcs_friction.errors import JobError
 from tcs_friction.nodes.jobs import Waiter
 
 
-class Refused(JobError):
+class RefusalError(JobError):
     """A node has answered that it does not take a value; it has changed nothing."""
 
 
@@ -31,12 +31,12 @@ class Remotes:
         return self._clients[name]
 
     async def set(self, node: str, values: Mapping[str, Any], limit: float) -> None:
-        """Set parameters of a node, all or none. Raises Refused with the node's reason, JobError when it does not answer."""
+        """Set parameters of a node, all or none. Raises RefusalError with the node's reason, JobError when it does not answer."""
         client = self._client(SetParametersAtomically, f"{node}/set_parameters_atomically")
         parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         answer = await self._waiter.call(client, SetParametersAtomically.Request(parameters=parameters), limit)
         if not answer.result.successful:
-            raise Refused(f"node {node}", f"refused {', '.join(values)}: {answer.result.reason}")
+            raise RefusalError(f"node {node}", f"refused {', '.join(values)}: {answer.result.reason}")
 
     async def get(self, node: str, names: Sequence[str], limit: float) -> dict[str, Any]:
         """Values of parameters of a node."""
@@ -55,7 +55,7 @@ class Remotes:
                 done.append(old)
                 await self.set(node, values, limit)
         except JobError as error:
-            if isinstance(error, Refused):
+            if isinstance(error, RefusalError):
                 done.pop()  # without an answer, it may have been set after all
             lost = [node for node, values in done if not await self._set_back(node, values, limit)]
             unsure = f" and {', '.join(lost)} could not be set back" if lost else "; nothing was changed"
