@@ -72,7 +72,8 @@ def conditioned(recording: Recording) -> Motion:
     """Position, velocity, acceleration and torque, all through the same filters."""
     dt, q, v, a, u = _smoothed(recording)
     part = slice(THIN * 5, -THIN * 5, THIN)
-    return Motion(recording.t[part], *(_thinned(x, dt) for x in (q, v, a, u)), THIN * dt)
+    q, v, a, u = (_thinned(x, dt) for x in (q, v, a, u))
+    return Motion(recording.t[part], q, v, a, u, THIN * dt)
 
 
 def _smoothed(recording: Recording) -> tuple[float, Column, Column, Column, Column]:
