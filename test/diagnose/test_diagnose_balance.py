@@ -10,8 +10,7 @@ import pytest
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.balance import Balance, free_parameters, get, put
 from tcs_friction.diagnose.condition import condition, low_pass
-from tcs_friction.diagnose.hypotheses import Background, spectrum, survey
-from tcs_friction.diagnose.selection import chance, follows_motion, settle
+from tcs_friction.diagnose.selection import follows_motion, settle
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
@@ -53,11 +52,6 @@ def plain() -> Recording:
     return recording(axis())
 
 
-@pytest.fixture(scope="module")
-def cogged() -> Recording:
-    return recording(axis(COGGING))
-
-
 def test_derivatives_of_the_low_pass_are_those_of_the_signal() -> None:
     t = np.arange(0.0, 10.0, 1e-3)
     values, rate, second = low_pass(np.sin(3.0 * t), 1e-3, 30.0, 2)
@@ -97,15 +91,6 @@ def test_the_true_axis_leaves_whitened_noise(plain: Recording) -> None:
     assert fit.squares / balance.effective_count == pytest.approx(1.0, abs=0.25)
     assert fit.axis.inertia == pytest.approx(1.2, rel=0.05)
     assert fit.axis.friction.values["coulomb"] == pytest.approx(2.0, rel=0.02)
-
-
-def test_the_spectrum_over_position_peaks_at_the_order(cogged: Recording) -> None:
-    balance = Balance(condition([cogged]))
-    fit = settle(balance, axis())
-    background = Background(balance, fit.axis, fit.free)
-    grid, gain, looks = spectrum(background, effect("cogging"), survey(balance, fit.axis))
-    assert grid[np.argmax(gain)] == pytest.approx(24.0, abs=1.0)  # half the resolution of the travel
-    assert gain.max() > 10.0 * chance(balance, 3, looks)
 
 
 def test_only_effects_shaped_by_the_motion_have_to_be_material() -> None:
