@@ -9,7 +9,6 @@ NODES = (
     "controller",
     "diagnoser",
     "dob",
-    "dynamometer",
     "identifier",
     "lugre_compensator",
     "plant",
