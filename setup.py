@@ -9,6 +9,7 @@ NODES = (
     "controller",
     "diagnoser",
     "dob",
+    "dynamometer",
     "identifier",
     "lugre_compensator",
     "plant",

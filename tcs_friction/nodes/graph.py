@@ -35,7 +35,7 @@ CLASSES = {
 }
 LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
 GRAPH = tuple(CLASSES)
-OTHERS = ("recorder", "player")
+OTHERS = ("recorder", "player", "dynamometer")
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 PATIENCE = 5.0  # s that a process gets to end after the first signal
 

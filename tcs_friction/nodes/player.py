@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from tcs_friction.control.config_field import setting, switch, text
 from tcs_friction.errors import InputError, TcsError
-from tcs_friction.nodes.bag_node import BagNode
+from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
 from tcs_friction.recording.bags import Bag
@@ -106,7 +106,7 @@ class Pace:
         return False
 
 
-class PlayerNode(BagNode[PlayerConfig]):
+class PlayerNode(PlainNode[PlayerConfig]):
     """One thread publishes at the bag's pace; the executor serves pause and resume."""
 
     def __init__(self, at_end: Callable[[], object] = rclpy.try_shutdown) -> None:
@@ -226,6 +226,6 @@ class PlayerNode(BagNode[PlayerConfig]):
         return self._outlets[channel]
 
 
-def main() -> int:
+def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(PlayerNode)
+    return run(PlayerNode, args=args)

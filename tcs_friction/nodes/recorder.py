@@ -6,7 +6,7 @@ What limits it: taking a message from the middleware costs 25 to 30 us, writing 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from rclpy.event_handler import SubscriptionEventCallbacks
 
 from tcs_friction.control.config_field import choice, setting, text
-from tcs_friction.nodes.bag_node import BagNode
+from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.bag_topics import (
     installed_definition,
     message_class,
@@ -42,7 +42,7 @@ class RecorderConfig:
     discovery_period: float = setting(0.2, "s", 0.01, 10.0, "how often to look for new topics")
 
 
-class RecorderNode(BagNode[RecorderConfig]):
+class RecorderNode(PlainNode[RecorderConfig]):
     """Subscribes to topics as they appear; a message is never deserialised."""
 
     def __init__(self) -> None:
@@ -110,6 +110,6 @@ class RecorderNode(BagNode[RecorderConfig]):
         self.get_logger().warning(f"{self.lost} messages lost on the way to the recorder", throttle_duration_sec=1.0)
 
 
-def main() -> int:
+def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(RecorderNode)
+    return run(RecorderNode, args=args)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from conftest import wait_until
 from test_nodes_lockstep import offline
 
-from tcs_friction.nodes.graph import LOOP
+from tcs_friction.nodes.graph import LOOP, node_names
 
 ERROR = 2
 ARGUMENTS = ("-p", "axis:=azimuth_1p2m.yaml", "-p", "reference_file:=azimuth_1p2m_run.yaml", "-p", "time_limit:=1.0")
@@ -18,6 +20,14 @@ ARGUMENTS = ("-p", "axis:=azimuth_1p2m.yaml", "-p", "reference_file:=azimuth_1p2
 def start(processes: Any, *arguments: str, names: tuple[str, ...] = LOOP) -> None:
     for name in names:
         processes.start(name, *ARGUMENTS, *arguments)
+
+
+@pytest.mark.parametrize("name", node_names())
+def test_every_node_takes_arguments(name: str) -> None:
+    """As `ros2 run` calls it, without, and as `./tcs node` does, with."""
+    signature = inspect.signature(importlib.import_module(f"tcs_friction.nodes.{name}").main)
+    signature.bind()
+    signature.bind([name, "--ros-args"])
 
 
 def test_processes_compute_what_one_process_computes(processes: Any, listener: Any) -> None:

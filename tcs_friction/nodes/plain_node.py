@@ -1,4 +1,4 @@
-"""What recorder and player share: a configuration that holds from the start on, and diagnostics. They need no axis."""
+"""What recorder, player and dynamometer share: a configuration that holds from the start on, and diagnostics. No axis."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tcs_friction.nodes import parameters
 C = TypeVar("C")
 
 
-class BagNode(Node, Generic[C]):
-    """A node about a bag. Its name in the log only: its last words come when the context has ended."""
+class PlainNode(Node, Generic[C]):
+    """A node without an axis. Not on /rosout: its last words come when the context has ended."""
 
     def __init__(self, name: str, defaults: C) -> None:
         super().__init__(name, namespace="azimuth", enable_rosout=False)
