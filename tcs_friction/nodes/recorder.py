@@ -14,7 +14,6 @@ from typing import Any
 from rclpy.event_handler import SubscriptionEventCallbacks
 
 from tcs_friction.control.config_field import choice, setting, text
-from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.bag_topics import (
     installed_definition,
     message_class,
@@ -22,6 +21,7 @@ from tcs_friction.nodes.bag_topics import (
     subscription_profile,
 )
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.encode import known_definition
 from tcs_friction.recording.record import BagRecorder, definition_text

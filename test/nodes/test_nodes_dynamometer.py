@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import pty
 import termios
@@ -181,7 +182,7 @@ def readings(listener: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("protocol", ["imada", "sauter"])
-def test_readings_come_as_torque(protocol: str, gauge: Any, processes: Any, listener: Any, readings: list[Any]) -> None:
+def test_readings_come_as_torque(protocol: str, gauge: Any, processes: Any, readings: list[Any]) -> None:
     made = gauge(protocol)
     arguments = ("-p", f"port:={made.name}", "-p", f"protocol:={protocol}", "-p", "lever_arm:=-0.8", "-p", "baud:=19200")
     processes.start("dynamometer", *arguments, "-p", "frame:=azimuth", "-p", "rate:=50")
@@ -191,7 +192,7 @@ def test_readings_come_as_torque(protocol: str, gauge: Any, processes: Any, list
     assert readings[-1].wrench.torque.z == pytest.approx(0.8 * 3.25)
     assert readings[-1].header.frame_id == "azimuth"
     stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in readings]
-    assert all(later > earlier for earlier, later in zip(stamps, stamps[1:], strict=False))
+    assert all(later > earlier for earlier, later in itertools.pairwise(stamps))
     assert made.speed == termios.B19200
     assert set(made.requests[1:]) == {PROTOCOLS[protocol].request}
 
