@@ -18,6 +18,7 @@ COMMANDS = {
     "simulate": "simulate an axis and its controller; writes a bag",
     "identify": "identify inertia and friction from bags",
     "diagnose": "find the physics that a model lacks against bags",
+    "calibrate": "calibrate the friction observer against a dynamometer in bags",
     "paper": "every table and figure of the paper, ours beside theirs",
     "bag": "look into bags, export and import them",
     "bench": "run a benchmark",

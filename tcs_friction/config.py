@@ -21,9 +21,9 @@ import yaml
 
 from tcs_friction.control.compensator import CompensatorConfig
 from tcs_friction.control.config_field import from_mapping
-from tcs_friction.control.dob import DobConfig
 from tcs_friction.control.loop import LoopConfig
 from tcs_friction.control.observer import NominalPlant
+from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.pid import PidConfig
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis, Drive, Sensors
@@ -43,7 +43,7 @@ class Control:
     """How an axis is controlled: the configurations of the nodes and of the offline loop."""
 
     controller: PidConfig = field(default_factory=PidConfig)
-    observer: DobConfig = field(default_factory=DobConfig)
+    observer: ObserverSettings = field(default_factory=ObserverSettings)
     compensator: CompensatorConfig = field(default_factory=CompensatorConfig)
     loop: LoopConfig = field(default_factory=LoopConfig)
 
@@ -62,7 +62,7 @@ def default_control(axis: Axis) -> Control:
         torque_limit=min(axis.drive.limit, 1e12),
     )
     plant = NominalPlant(first=axis.inertia)
-    return Control(controller, DobConfig(plant, actuation_delay=min(axis.actuation_delay, 0.1)))
+    return Control(controller, ObserverSettings(plant, actuation_delay=min(axis.actuation_delay, 0.1)))
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def parse_control(value: object, where: str = "control") -> Control:
     block = mapping(value, where, tuple(entry.name for entry in fields(Control)))
     kinds: dict[str, Any] = {
         "controller": PidConfig,
-        "observer": DobConfig,
+        "observer": ObserverSettings,
         "compensator": CompensatorConfig,
         "loop": LoopConfig,
     }

@@ -16,6 +16,9 @@ rest,
 
 with Q the observer's own response from torque to estimate, delay included. The second copy of x does this.
 With an exact model rest = Q(friction - compensation), whatever the compensator gets right or wrong.
+
+Calibration may have found that the torque that acts is `scale` times the logged one plus `offset`: both torques are
+corrected on their way in, and the rest, which becomes a command, is divided by the scale on its way out.
 """
 
 from __future__ import annotations
@@ -37,8 +40,8 @@ Array = NDArray[np.float64]
 ESTIMATE, REST, _PRIMED, _SPEED, _HEAD = 0, 1, 2, 3, 4
 _STATE_HEADER = 5
 # parameter slots; then F, g_new, g_old, h_0, h_1, c, (I - F)^-1
-_ORDER, _LINE = 0, 1
-_PARAMETER_HEADER = 2
+_ORDER, _LINE, _SCALE, _OFFSET = 0, 1, 2, 3
+_PARAMETER_HEADER = 4
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class Design:
     speed_now: Array
     output: Array
     delay_ticks: int
+    torque_scale: float = 1.0
+    torque_offset: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("transition", "torque_new", "torque_old", "speed_before", "speed_now", "output"):
@@ -112,7 +117,7 @@ def pack(design: Design) -> tuple[Array, Array]:
     line = design.delay_ticks + 2
     settle = np.linalg.inv(np.eye(order) - design.transition)
     parts = (
-        np.array([order, line], dtype=np.float64),
+        np.array([order, line, design.torque_scale, design.torque_offset], dtype=np.float64),
         design.transition.ravel(),
         design.torque_new,
         design.torque_old,
@@ -170,13 +175,16 @@ def _advance(
 def observer_step(
     state: Array, parameters: Array, torque: float, velocity: float, compensation: float
 ) -> float:
-    """One tick: the friction estimate, also in state[ESTIMATE]; state[REST] is what is not yet cancelled.
+    """One tick: the friction estimate, also in state[ESTIMATE]; state[REST] the command that would cancel the rest.
 
     `torque` is the one held during the tick that ends now, `compensation` the compensator's part of it,
     `velocity` the speed measured now.
     """
     n = int(parameters[_ORDER])
     line = int(parameters[_LINE])
+    scale = parameters[_SCALE]
+    torque = scale * torque + parameters[_OFFSET]
+    compensation = scale * compensation
     torques = _STATE_HEADER + 2 * n
     if state[_PRIMED] == 0.0:
         state[_PRIMED] = 1.0
@@ -211,8 +219,17 @@ def observer_step(
     state[_HEAD] = after
     state[_SPEED] = velocity
     state[ESTIMATE] = estimate
-    state[REST] = estimate - cancelled
+    state[REST] = (estimate - cancelled) / scale
     return float(estimate)
+
+
+@njit("f8[::1](f8[::1], f8[::1], f8[::1], f8[::1])", cache=True)
+def _observe(state: Array, parameters: Array, torque: Array, velocity: Array) -> Array:
+    """The friction estimates (n,) over a whole recording."""
+    out = np.empty(len(torque))
+    for k in range(len(torque)):
+        out[k] = observer_step(state, parameters, torque[k], velocity[k], 0.0)
+    return out
 
 
 class ObserverConfig(Protocol):
@@ -250,6 +267,16 @@ class FrictionObserver:
         """
         estimate: float = observer_step(self._state, self.parameters, torque, velocity, compensation)
         return estimate
+
+    def over(self, torque: Array, velocity: Array) -> Array:
+        """The friction estimates (n,) from torques and speeds (n,) of as many ticks, one after the other."""
+        estimates: Array = _observe(
+            self._state,
+            self.parameters,
+            np.array(torque, dtype=np.float64),
+            np.array(velocity, dtype=np.float64),
+        )
+        return estimates
 
     @property
     def estimate(self) -> float:

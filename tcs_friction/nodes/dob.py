@@ -1,4 +1,4 @@
-"""The disturbance observer: friction torque from torque and speed."""
+"""The friction observer (disturbance observer, or Kalman by parameter `estimator`): friction torque from torque and speed."""
 
 from __future__ import annotations
 
@@ -6,26 +6,33 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from geometry_msgs.msg import WrenchStamped
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
-from tcs_friction.control.config_field import switch
-from tcs_friction.control.dob import DobConfig
+from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.observer import FrictionObserver
+from tcs_friction.control.observer_settings import ObserverSettings
+from tcs_friction.errors import TcsError
 from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.convert import SECOND
+from tcs_friction.nodes.calibration import CalibrationMemory
+from tcs_friction.nodes.convert import SECOND, nanoseconds
 from tcs_friction.nodes.executor import run
-from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.jobs import Waiter, create_deferred_service
+from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire
 
 
 @dataclass(frozen=True)
-class DobNodeConfig(DobConfig, ClockConfig):
+class DobNodeConfig(ObserverSettings, ClockConfig):
     """The observer's settings and Switch1 of the paper."""
 
     switch1: bool = switch(False, "Switch1: torque and speed reach the observer")
     compensator: bool = switch(True, "a compensator is part of the loop: its share of the torque is awaited")
+    memory: float = setting(600.0, "s", 1.0, 1e5, "for calibration: what is older is forgotten")
 
 
 def defaults(file: AxisFile) -> DobNodeConfig:
@@ -46,9 +53,13 @@ class Dob(AxisNode[DobNodeConfig]):
         self._input = (0.0, 0.0)  # torque held until the pending stamp, speed measured then
         self._shares: dict[int, float] = {}  # the compensator's torque at the last stamps
         self._position = math.nan
+        self._calibration = CalibrationMemory()
+        self._waiter = Waiter(self)
         self.start()
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
         self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.create_subscription(WrenchStamped, "dynamometer", self._on_dynamometer, COLLECT)
+        create_deferred_service(self, Trigger, "~/calibrate", self._on_calibrate)
 
     def check(self, config: DobNodeConfig, file: AxisFile) -> None:  # noqa: ARG002
         config.design(config.period)
@@ -58,6 +69,7 @@ class Dob(AxisNode[DobNodeConfig]):
         self._period_ns = round(config.period * SECOND)
         self._wire = JointWire(self.file.axis.name)
         self._observer = FrictionObserver(config, config.period)
+        self._calibration.configure(config.period, config.memory)
 
     def missing(self) -> str:
         if self._pending != self._done and self._pending >= 0:
@@ -94,9 +106,35 @@ class Dob(AxisNode[DobNodeConfig]):
         if not (math.isfinite(torque) and math.isfinite(speed)):
             self.health.refuse(f"joint {self.file.axis.name} with torque {torque:g} and speed {speed:g} refused")
             return
+        self._calibration.state(stamp, torque, speed)
         self._input = (torque, speed)
         self._pending = stamp
         self._estimate()
+
+    def _on_dynamometer(self, message: WrenchStamped) -> None:
+        wrench = message.wrench
+        torque = wrench.torque.z if self.file.axis.kind == "rotary" else wrench.force.x
+        if math.isfinite(torque):
+            self._calibration.reading(nanoseconds(message.header.stamp), torque)
+
+    async def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """From what has been heard since the first reading; the parameters found are used at once."""
+        try:
+            found = await self._waiter.in_thread(lambda: self._calibration.calibrate(self.config))
+        except TcsError as error:
+            response.success, response.message = False, str(error)
+            return response
+        settings = found.observer
+        values = {
+            "torque_scale": settings.torque_scale,
+            "torque_offset": settings.torque_offset,
+            "plant.first": settings.plant.first,
+        }
+        answer = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        accuracy = f"{100 * found.accuracy_uniform:.2f} % in uniform motion, {100 * found.accuracy:.2f} % over everything"
+        words = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
+        response.success, response.message = answer.successful, answer.reason or f"{words}; {accuracy}"
+        return response
 
     def _difference(self, position: float, stamp: int) -> float:
         """Speed from this position and the one before."""

@@ -47,7 +47,8 @@ class IdentifierConfig(ClockConfig):
 def defaults(file: AxisFile) -> IdentifierConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(IdentifierConfig, control.loop, estimate_bandwidth=control.observer.bandwidth)
+    delay, bandwidth = control.observer.estimate_filter
+    return derived(IdentifierConfig, control.loop, estimate_delay=delay, estimate_bandwidth=bandwidth)
 
 
 class Identifier(AxisNode[IdentifierConfig]):

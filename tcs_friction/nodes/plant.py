@@ -6,6 +6,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
@@ -34,6 +36,8 @@ class PlantConfig(ClockConfig):
     watchdog: float = setting(0.1, "s", 1e-3, 60.0, "real time: no torque when commands stop for longer")
     run_until: float = setting(1e9, "s", 0.0, 1e9, "lock-step: simulated time at which the axis waits")
     truth: bool = switch(False, "publish the true friction on true_friction")
+    dynamometer: float = setting(0.0, "1/s", 0.0, 1e4, "readings of a simulated dynamometer; 0: none is mounted")
+    dynamometer_noise: float = setting(0.2, "N m", 0.0, 1e9, "RMS noise of its readings; 0.1 % of 200 N m")
 
 
 def defaults(file: AxisFile) -> PlantConfig:
@@ -50,6 +54,7 @@ class Plant(AxisNode[PlantConfig]):
         self._states = self.create_publisher(JointState, "joint_states", PUBLISH)
         self._truths = self.create_publisher(FrictionEstimate, "true_friction", PUBLISH)
         self._temperatures = self.create_publisher(Temperature, "temperature", PUBLISH)
+        self._wrenches = self.create_publisher(WrenchStamped, "dynamometer", PUBLISH)
         self._made: tuple[object, ...] = ()
         self._timer = None
         self._command: float | None = None
@@ -68,6 +73,7 @@ class Plant(AxisNode[PlantConfig]):
         super().configure(config)
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
+        self._reading_ticks = max(1, round(1.0 / (config.dynamometer * config.period))) if config.dynamometer else 0
         identity = (self.file, config.seed, config.start_position, config.period, config.clock)
         if identity != self._made:
             self._made = identity
@@ -91,6 +97,7 @@ class Plant(AxisNode[PlantConfig]):
     def _restart(self) -> None:
         self._simulator = self._make(self.config, self.file)
         self._wire = JointWire(self.file.axis.name)
+        self._reading_noise = np.random.default_rng((self.config.seed, 1))
         self._index = self._stamp = 0
         self._applied = 0.0
         self._command = None
@@ -154,10 +161,24 @@ class Plant(AxisNode[PlantConfig]):
         if self.config.truth:
             truth = (simulator.friction, simulator.velocity, simulator.opposing, True)
             self._truths.publish(ESTIMATE.write(stamp, *truth))
+        if self._reading_ticks and self._index % self._reading_ticks == 0:
+            self._publish_reading(stamp)
         if self._index % self._temperature_ticks == 0:
             temperature = Temperature(temperature=self.config.temperature)
             set_stamp(temperature, stamp)
             self._temperatures.publish(temperature)
+
+    def _publish_reading(self, stamp: int) -> None:
+        """What a dynamometer would show that measures all that opposes the motion."""
+        noise = self.config.dynamometer_noise * float(self._reading_noise.standard_normal())
+        opposing = self._simulator.friction + self._simulator.opposing + noise
+        message = WrenchStamped()
+        set_stamp(message, stamp)
+        if self.file.axis.kind == "rotary":
+            message.wrench.torque.z = opposing
+        else:
+            message.wrench.force.x = opposing
+        self._wrenches.publish(message)
 
     _repeated = -1
 

@@ -10,7 +10,6 @@ import pytest
 
 from tcs_friction.config import load_axis
 from tcs_friction.control.compensator import LugreParameters
-from tcs_friction.control.kalman import KalmanConfig
 from tcs_friction.control.loop import LoopRun, simulate_loop, without_friction
 from tcs_friction.control.reference import load_reference
 from tcs_friction.control.tracking import ARCSEC, TrackingErrors, tracking_errors
@@ -99,9 +98,7 @@ def test_loop_bears_a_wrong_inertia(share: float) -> None:
 
 
 def test_kalman_observer_serves_in_the_same_place() -> None:
-    observer = KalmanConfig(
-        CONTROL.observer.plant, actuation_delay=0.001, velocity_delay=CONTROL.observer.velocity_delay
-    )
+    observer = replace(CONTROL.observer, estimator="kalman")
     loop = simulate_loop(FILE.axis, RUN, CONTROL.controller, replace(CONTROL.loop, feed_back=True), observer)
-    assert relative_error(loop) < 0.02
+    assert relative_error(loop, observer.filter_delay) < 0.01
     assert worst(errors(loop)) < worst(errors(run("none", True, 0)))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tcs_friction.control.compensator import CompensatorConfig, LugreCompensator, LugreParameters
-from tcs_friction.control.dob import DobConfig
 from tcs_friction.control.loop import LoopConfig, LoopRun, simulate_loop, without_friction
 from tcs_friction.control.observer import FrictionObserver, NominalPlant
+from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.pid import DoubleLoopPid, PidConfig
 from tcs_friction.control.reference import Legs, Reference
 from tcs_friction.control.tracking import ARCSEC, tracking_errors
@@ -48,7 +48,7 @@ CONTROLLER = PidConfig(
     inertia_feedforward=1000.0,
     velocity_delay=LATE,
 )
-DOB = DobConfig(NominalPlant(0.0, 1000.0, 0.0), 15.0, actuation_delay=0.001, velocity_delay=LATE)
+DOB = ObserverSettings(NominalPlant(0.0, 1000.0, 0.0), 15.0, actuation_delay=0.001, velocity_delay=LATE)
 COMPENSATOR = CompensatorConfig(LUGRE, LUGRE, actuation_delay=0.001)
 REFERENCE = Reference(Legs(speed=1.745e-3, leg=3.0, acceleration=5e-3, duration=15.0))
 

@@ -1,4 +1,4 @@
-"""Plant response and the calibration of an observer against known plants and gains."""
+"""Plant response against known plants."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from tcs_friction.errors import InputError
-from tcs_friction.identify.dob_calibration import calibrate, uniform_motion
 from tcs_friction.identify.plant_response import (
     fit_second_order,
     fit_two_inertias,
@@ -63,35 +62,3 @@ def test_too_short_a_recording_is_named() -> None:
     t = np.arange(1000) / RATE
     with pytest.raises(InputError, match="plant response"):
         frequency_response(t, t, t, 1.0, 10.0)
-
-
-def test_calibration_finds_gain_offset_and_inertia() -> None:
-    """Legs at constant speed with turns between; the observer has gain, offset, lag and a wrong inertia."""
-    t = 1e-3 * np.arange(40_000)
-    velocity = 1.7e-3 * np.clip(4.0 * np.sin(2.0 * np.pi * t / 10.0), -1.0, 1.0)
-    acceleration = np.gradient(velocity, t)
-    friction = 78.0 * np.tanh(velocity / 1e-4) + 500.0 * velocity
-    late = np.interp(t - 0.02, t, (friction - 1.5 - 60.0 * acceleration) / 1.08)
-    measured = friction + 0.1 * np.random.default_rng(0).standard_normal(len(t))
-    found = calibrate(t, velocity, late, measured, lag=0.02)
-    assert found.gain == pytest.approx(1.08, rel=1e-3)
-    assert found.offset == pytest.approx(1.5, abs=0.02)
-    assert found.inertia_error == pytest.approx(60.0, rel=0.1)
-    assert found.accuracy_uniform > 0.995
-    assert found.accuracy > 0.98 > found.accuracy_before
-    assert found.corrected(late, acceleration).shape == t.shape
-
-
-def test_uniform_motion_is_found() -> None:
-    t = 1e-2 * np.arange(1000)
-    velocity = np.where(t < 5.0, 1.0, 1.0 + np.sin(3.0 * t))
-    steady = uniform_motion(t, velocity)
-    assert steady[100:450].all()
-    assert not steady[560:900].any()
-    assert not uniform_motion(t, 0.0 * t).any()
-
-
-def test_without_uniform_motion_there_is_no_calibration() -> None:
-    t = 1e-2 * np.arange(1000)
-    with pytest.raises(InputError, match="uniform motion"):
-        calibrate(t, np.sin(9.0 * t), np.sin(9.0 * t), np.sin(9.0 * t))

@@ -57,7 +57,8 @@ def test_calibration_corrects_inertia_and_scale_and_meets_the_bars(stand: Stand)
     assert result.accuracy_before < 0.975
     assert result.accuracy > 0.98
     assert result.accuracy_uniform > 0.995
-    assert result.inertia == pytest.approx(stand.axis.inertia, rel=0.02)
+    assert result.observer.plant.first == pytest.approx(stand.axis.inertia, rel=0.05)
+    assert result.observer.torque_scale == pytest.approx(1.0 / measurement.TORQUE_SCALE, rel=0.002)
 
 
 def test_observed_friction_has_its_filter_s_delay_taken_out(stand: Stand) -> None:

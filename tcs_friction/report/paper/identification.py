@@ -69,12 +69,13 @@ def measure(stand: Stand, run: LoopRun, progress: Callable[[Generation], None]) 
     """Identify from the paper's number of friction-speed points in each direction of a measured run."""
     every = slice(None, None, max(1, len(run.t) // (2 * published.POINTS)))
     observer = stand.control.observer
+    lag, bandwidth = observer.estimate_filter
     data = FrictionSeries(
         run.t[every],
         run.reference_velocity[every],
         run.friction_estimate[every],
-        observer.velocity_delay,
-        observer.bandwidth,
+        lag + observer.velocity_delay,
+        bandwidth,
     )
     options = IdentifyOptions(swarm=SWARM, box=paper_box())
     believed = replace(stand.axis, effects=())  # nobody is told of cogging and asymmetry

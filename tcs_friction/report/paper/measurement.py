@@ -6,20 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from tcs_friction.control.dob import DobConfig
 from tcs_friction.control.loop import LoopRun
-from tcs_friction.control.observer import NominalPlant, observer_step, pack
+from tcs_friction.identify.dob_calibration import Calibration, Comparison
+from tcs_friction.identify.dob_calibration import calibrate as calibrated
 from tcs_friction.report import published
+from tcs_friction.report.calibration import draw_calibration
 from tcs_friction.report.figures import (
-    BELIEVED,
     IMPROVED,
     MEASURED,
     MUTED,
     TRUTH,
     Array,
+    Picture,
     drawn,
     label,
     legend,
@@ -35,24 +35,6 @@ DYNAMOMETER_CLASS = 1e-3  # of the range, as the paper's
 TORQUE_SCALE = 0.97  # of the torque that the uncalibrated observer believes in
 WRONG_INERTIA = 0.9  # of the true one, in the uncalibrated observer
 LEAST_TRAVEL = 4.5e-4  # rad, amplitude of the slow runs: enough to slide both ways
-STEADY = 0.05  # rad/s^2 relative to the largest: below, motion counts as uniform
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Dynamometer and observer over the calibration run, each (n,), and how near they come; Fig. 12.
-
-    accuracy: 1 - rms(observed - measured) / rms(measured), over all the run and over its uniform motion.
-    """
-
-    t: Array
-    measured: Array
-    before: Array
-    after: Array
-    accuracy_before: float
-    accuracy: float
-    accuracy_uniform: float
-    inertia: float
 
 
 @dataclass(frozen=True)
@@ -83,50 +65,13 @@ def measure(stand: Stand) -> MeasurementResult:
 
 
 def calibrate(stand: Stand) -> Calibration:
-    """Fit the observer's torque scale, nominal inertia and offset to the dynamometer."""
+    """The observer, told of a wrong inertia and of too little torque, on the tracking run with a dynamometer beside it."""
     run = stand.run(stand.tracking)
+    noise = np.random.default_rng(stand.seed).standard_normal(len(run.t))
+    reading = run.friction + run.opposing + DYNAMOMETER_CLASS * DYNAMOMETER_RANGE * noise
     observer = stand.control.observer
-    ticks = round(observer.filter_delay / float(run.t[1] - run.t[0]))
-    stop = len(run.t) - ticks
-    torque = _filtered(run.torque * TORQUE_SCALE, np.zeros(len(run.t)), observer)[ticks:]
-    inertia = -_filtered(np.zeros(len(run.t)), run.velocity, observer)[ticks:]  # torque of 1 kg m^2
-    noise = np.random.default_rng(stand.seed).standard_normal(stop)
-    reading = (run.friction + run.opposing)[:stop] + DYNAMOMETER_CLASS * DYNAMOMETER_RANGE * noise
-    measured = uniform_filter1d(reading, 50)
-    columns = np.stack([torque, -inertia, np.ones(stop)], axis=1)
-    settled = run.t[:stop] > 1.0
-    found = np.linalg.lstsq(columns[settled], measured[settled], rcond=None)[0]
-    before = torque - WRONG_INERTIA * stand.axis.inertia * inertia
-    after = columns @ found
-    pace = np.abs(np.gradient(run.reference_velocity[:stop], run.t[:stop]))
-    steady = (
-        settled & (pace < STEADY * pace.max()) & (np.abs(run.reference_velocity[:stop]) > 0.5 * TOP_SPEED)
-    )
-    return Calibration(
-        run.t[:stop],
-        measured,
-        before,
-        after,
-        _accuracy(before, measured, settled),
-        _accuracy(after, measured, settled),
-        _accuracy(after, measured, steady),
-        float(found[1]) / float(found[0]),
-    )
-
-
-def _filtered(torque: Array, velocity: Array, observer: DobConfig) -> Array:
-    """The observer's answer (n,) to these inputs with a nominal inertia of 1 kg m^2."""
-    config = replace(observer, plant=NominalPlant(first=1.0))
-    parameters, state = pack(config.design(1e-3))
-    answer = np.empty(len(torque))
-    for k in range(len(torque)):
-        answer[k] = observer_step(state, parameters, torque[k], velocity[k], 0.0)
-    return answer
-
-
-def _accuracy(observed: Array, measured: Array, keep: NDArray[np.bool_]) -> float:
-    error = (observed - measured)[keep]
-    return 1.0 - float(np.sqrt(np.mean(error**2) / np.mean(measured[keep] ** 2)))
+    wrong = replace(observer, plant=replace(observer.plant, first=WRONG_INERTIA * stand.axis.inertia))
+    return calibrated([Comparison(run.t, TORQUE_SCALE * run.torque, run.velocity, reading)], wrong)
 
 
 def _loop(stand: Stand, speed: float) -> Loop:
@@ -139,22 +84,6 @@ def _loop(stand: Stand, speed: float) -> Loop:
     keep = slice(np.searchsorted(observed.t, 0.5 * period), None, max(1, width // 4))
     smooth = uniform_filter1d(observed.friction, width)
     return Loop(speed, observed.velocity[keep].copy(), smooth[keep].copy())
-
-
-@drawn("figure_12", "Fig. 12. Friction observed and friction measured by the dynamometer, before and after calibration "
-       "of the observer; below, the difference.")  # fmt: skip
-def draw_calibration(result: Calibration) -> Figure:
-    """Series on top, difference below."""
-    figure, (top, bottom) = panels(2, height=2.2, sharex=True)
-    line(top, result.t, result.measured, TRUTH, "dynamometer", lw=2.4)
-    line(top, result.t, result.after, MEASURED, "observed, calibrated")
-    line(bottom, result.t, result.before - result.measured, BELIEVED, "not calibrated")
-    line(bottom, result.t, result.after - result.measured, IMPROVED, "calibrated")
-    label(top, "", "friction (N m)")
-    label(bottom, "time (s)", "difference (N m)")
-    legend(top)
-    legend(bottom)
-    return figure
 
 
 @drawn("figure_13", "Fig. 13. The axis at a working speed of 0.1 deg/s: wanted and measured speed.")
@@ -195,11 +124,17 @@ def draw_loops(loops: tuple[Loop, ...]) -> Figure:
     return figure
 
 
+def figure_12(calibration: Calibration) -> Picture:
+    """As the report of `./tcs calibrate` draws it."""
+    image = draw_calibration(calibration, "N m")
+    return Picture("figure_12", f"Fig. 12. {image.caption}", image.png)
+
+
 def chapter(result: MeasurementResult) -> Chapter:
     """Pictures and the accuracy beside the paper's."""
     calibration = result.calibration
     pictures = (
-        draw_calibration(calibration),
+        figure_12(calibration),
         draw_speed(result.run),
         draw_friction(result.observed),
         draw_loops(result.loops),
@@ -215,8 +150,8 @@ def chapter(result: MeasurementResult) -> Chapter:
     ]
     words = (
         f"Before calibration the observer believes in an inertia {100 * (1 - WRONG_INERTIA):.0f} % too small and sees "
-        f"{100 * (1 - TORQUE_SCALE):.0f} % too little torque; calibration finds {calibration.inertia:.0f} kg m². The "
-        "dynamometer is simulated too (0.1 % of 200 N m), and here it can be read while the axis reverses, which the "
+        f"{100 * (1 - TORQUE_SCALE):.0f} % too little torque; calibration finds {calibration.observer.plant.first:.0f} kg m². "
+        "The dynamometer is simulated too (0.1 % of 200 N m), and here it can be read while the axis reverses, which the "
         "paper's could not."
     )
     first = section(

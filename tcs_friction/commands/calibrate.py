@@ -1,0 +1,101 @@
+"""Calibrate the friction observer against a dynamometer that was recorded beside the axis.
+
+The bags hold joint states and the dynamometer's messages of a run with stretches at constant speed, best both ways; they
+are found automatically. Writes DIR/calibration.json, DIR/axis.yaml (the axis file with the calibrated observer), a picture
+and DIR/report.html.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from tcs_friction.config import AxisFile, default_control, load_axis, save_axis, write_whole
+from tcs_friction.control.observer_settings import ObserverSettings
+from tcs_friction.errors import InputError
+from tcs_friction.identify.dob_calibration import DYNAMOMETER, Calibration, calibrate, comparisons_of
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.signals import SignalMap, SignalSource
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings with the dynamometer on the axis")
+    parser.add_argument("--axis", required=True, type=Path, help="axis file: the observer, and where the signals are")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
+    parser.add_argument(
+        "--dynamometer",
+        metavar="TOPIC",
+        help="its topic (default: exogenous signal dynamometer of the axis file, else dynamometer beside the position's topic)",
+    )
+    parser.add_argument("--field", help="in its messages (default: wrench.torque.z, wrench.force.x for a linear axis)")
+    parser.add_argument("--json", action="store_true", help="print the result on stdout")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Read, calibrate, write, say what came out."""
+    file = load_axis(arguments.axis)
+    if file.signals is None:
+        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
+    signals = with_dynamometer(file.signals, file.axis.kind, arguments.dynamometer, arguments.field)
+    recordings = read_recordings(arguments.bags, signals)
+    control = file.control or default_control(file.axis)
+    comparisons = [item for recording in recordings for item in comparisons_of(recording)]
+    found = calibrate(comparisons, control.observer)
+    unit = "N m" if file.axis.kind == "rotary" else "N"
+    text = json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n"
+    calibrated = replace(file, control=replace(control, observer=found.observer))
+    _write(arguments.output, text, calibrated)
+    _report(arguments.output, found, control.observer, unit, [recording.source for recording in recordings])
+    print(json.dumps(found.to_mapping(), allow_nan=False) if arguments.json else summary(found, unit, arguments.output))
+
+
+def with_dynamometer(signals: SignalMap, kind: str, topic: str | None, field: str | None) -> SignalMap:
+    """The signals with the dynamometer among the exogenous ones."""
+    if topic is None and field is None and DYNAMOMETER in signals.exogenous:
+        return signals
+    beside = signals.position.topic.rpartition("/")[0] + "/" + DYNAMOMETER
+    usual = "wrench.torque.z" if kind == "rotary" else "wrench.force.x"
+    source = SignalSource(topic or beside, field or usual)
+    return replace(signals, exogenous={**signals.exogenous, DYNAMOMETER: source})
+
+
+def _write(directory: Path, text: str, file: AxisFile) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        write_whole(directory / "calibration.json", text)
+        save_axis(directory / "axis.yaml", file, "Observer calibrated against a dynamometer by tcs-friction.")
+    except OSError as error:
+        reason = f"cannot be written ({error.strerror or error})"
+        raise InputError(str(directory), reason, "a directory to write to") from None
+
+
+def _report(
+    directory: Path, found: Calibration, before: ObserverSettings, unit: str, sources: list[str]
+) -> None:
+    from tcs_friction.report.calibration import write_report
+
+    write_report(directory, found, before, unit, sources)
+
+
+def summary(found: Calibration, unit: str, directory: Path) -> str:
+    """What a terminal shows."""
+    settings = found.observer
+    inertia = "kg m^2" if unit == "N m" else "kg"
+
+    def shown(value: float, std: float) -> str:
+        return f"{value:.6g} ± {std:.2g}" if std == std else f"{value:.6g} (kept)"
+
+    lines = [
+        f"torque scale       {shown(settings.torque_scale, found.scale_std)}",
+        f"torque offset      {shown(settings.torque_offset, found.offset_std)} {unit}",
+        f"nominal inertia    {shown(settings.plant.first, found.inertia_std)} {inertia}",
+        f"dynamometer late   {1e3 * found.dynamometer_delay:.1f} ms",
+        f"accuracy           {100 * found.accuracy_uniform:.2f} % in uniform motion, "
+        f"{100 * found.accuracy:.2f} % over everything; before {100 * found.accuracy_before:.2f} %",
+        *found.notes,
+        str(directory / "report.html"),
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,119 @@
+"""The report of an observer's calibration: observed and measured friction, before and after, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tcs_friction.control.observer_settings import ObserverSettings
+from tcs_friction.identify.dob_calibration import Calibration
+from tcs_friction.report import published
+from tcs_friction.report.figures import (
+    BELIEVED,
+    IMPROVED,
+    MEASURED,
+    TRUTH,
+    Array,
+    drawn,
+    label,
+    legend,
+    line,
+    panels,
+)
+from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
+from tcs_friction.report.numbers import with_error
+
+
+def write_report(
+    directory: Path, found: Calibration, before: ObserverSettings, unit: str, sources: Sequence[str]
+) -> Path:
+    """Write DIR/report.html and its picture; returns the page's path."""
+    image = draw_calibration(found, unit)
+    numbers = key_numbers(
+        [
+            Number("in uniform motion", _percent(found.accuracy_uniform), "paper: 96.94 %"),
+            Number("over everything", _percent(found.accuracy), "reversals included"),
+            Number("before calibration", _percent(found.accuracy_before), "over everything"),
+            Number("uniform motion", _percent(float(found.uniform.mean())), "of the recordings, found automatically"),
+        ]
+    )
+    notes = [section("Notes", *found.notes)] if found.notes else []
+    document = page(
+        "Calibration of the friction observer",
+        sentence(found),
+        numbers,
+        section("Observed and measured", picture(image)),
+        section("What was found", parameter_table(found, before, unit)),
+        *notes,
+        remark=", ".join(sources),
+    )
+    return write_page(directory / "report.html", document, [image])
+
+
+def sentence(found: Calibration) -> str:
+    """What a control engineer would say of the result."""
+    better = "better" if found.accuracy_uniform > published.DOB_ACCURACY else "worse"
+    return (
+        f"In uniform motion the calibrated observer reads the dynamometer's torque to {_percent(found.accuracy_uniform)} "
+        f"({better} than the paper's 96.94 %), over everything to {_percent(found.accuracy)}; before it was "
+        f"{_percent(found.accuracy_before)}."
+    )
+
+
+def _percent(value: float) -> str:
+    return f"{100.0 * value:.2f} %"
+
+
+@drawn("calibration", "Friction observed and friction measured by the dynamometer; below, the difference before and after "
+       "calibration. Shaded: uniform motion, from which scale and offset come. Q's delay is taken out.")  # fmt: skip
+def draw_calibration(found: Calibration, unit: str) -> Figure:
+    """Series on top, difference below."""
+    t = _joined(found.t)
+    figure, (top, bottom) = panels(2, height=2.2, sharex=True)
+    line(top, t, found.measured, TRUTH, "dynamometer", lw=2.4)
+    line(top, t, found.after, MEASURED, "observed, calibrated")
+    line(bottom, t, found.before - found.measured, BELIEVED, "not calibrated")
+    line(bottom, t, found.after - found.measured, IMPROVED, "calibrated")
+    for axes in (top, bottom):
+        _shade(axes, t, found.uniform)
+    label(top, "", f"friction ({unit})")
+    label(bottom, "time (s)", f"difference ({unit})")
+    legend(top)
+    legend(bottom)
+    return figure
+
+
+def _joined(t: Array) -> Array:
+    """Times of several recordings put one after the other."""
+    steps = np.diff(t)
+    steps[steps <= 0.0] = float(np.median(steps))
+    return np.concatenate([[t[0]], t[0] + np.cumsum(steps)])
+
+
+def _shade(axes: Axes, t: Array, where: np.ndarray) -> None:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(t[start], t[stop - 1], color="#0072b2", alpha=0.07, lw=0)
+
+
+def parameter_table(found: Calibration, before: ObserverSettings, unit: str) -> Html:
+    """Before and after."""
+    after = found.observer
+    inertia = "kg m²" if unit == "N m" else "kg"
+    rows = [
+        ["torque that acts over torque logged", f"{before.torque_scale:g}",
+         with_error(after.torque_scale, found.scale_std), ""],
+        ["torque that acts while the logged one is 0", f"{before.torque_offset:g}",
+         _known(after.torque_offset, found.offset_std), unit],
+        ["nominal inertia", f"{before.plant.first:g}", _known(after.plant.first, found.inertia_std), inertia],
+        ["delay of the dynamometer's readings", "–", f"{1e3 * found.dynamometer_delay:.1f}", "ms"],
+    ]  # fmt: skip
+    return table(["", "before", "found", "unit"], rows, "Value ± standard error")
+
+
+def _known(value: float, std: float) -> str:
+    return with_error(value, std) if np.isfinite(std) else f"{value:g} (kept)"
