@@ -14,7 +14,7 @@ from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.reference import ConstantSpeed, Reference, load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.report import published
-from tcs_friction.report.paper import identification, measurement, plant, tasks, tracking
+from tcs_friction.report.paper import identification, measurement, observers, plant, tasks, tracking
 from tcs_friction.report.paper.stand import Observed, Stand
 from tcs_friction.report.runs import DEGREE
 
@@ -66,6 +66,31 @@ def test_observed_friction_has_its_filter_s_delay_taken_out(stand: Stand) -> Non
     delay = stand.control.observer.filter_delay
     assert Observed.of(run, delay).relative_error() < 0.01
     assert Observed.of(run, 0.0).relative_error() > 0.015
+
+
+def test_observers_err_by_what_a_wrong_plant_makes_of_the_motion(stand: Stand) -> None:
+    """For any linear observer: error of the inertia times acceleration, error of the constant times torque."""
+    result = observers.measure(stand)
+    for observer in observers.NAMES:
+        for parameter in observers.PARAMETERS:
+            trials = result.at(observer, parameter)
+            assert [item.error for item in trials] == [0.0, 0.05, 0.10, 0.20]
+            assert all(item.brisk == pytest.approx(item.expected, rel=0.06) for item in trials)
+            assert trials[0].brisk < 0.006
+            assert trials[3].brisk > 3.0 * trials[1].brisk
+            assert all(item.tracking < 0.25 * result.without for item in trials)
+        assert result.at(observer, observers.INERTIA)[3].slow < 0.005, "slow crossings hardly accelerate"
+        assert result.at(observer, observers.TORQUE)[3].slow == pytest.approx(0.20, rel=0.02)
+
+
+def test_observers_are_compared_at_the_same_delay(stand: Stand) -> None:
+    ours = stand.control.observer
+    other = observers.of_equal_delay(ours)
+    assert other.estimator == "kalman"
+    assert other.filter_delay == pytest.approx(ours.filter_delay, rel=1e-6)
+    axis = stand.axis.inertia
+    assert other.plant.first == axis
+    assert other.bandwidth == pytest.approx(ours.bandwidth / np.sqrt(2.0), rel=1e-3), "second order against third"
 
 
 def test_table_2_in_si_is_the_axis(stand: Stand) -> None:

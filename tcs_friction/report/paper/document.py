@@ -13,7 +13,7 @@ import numpy as np
 from tcs_friction.report import published
 from tcs_friction.report.commission import cut
 from tcs_friction.report.html import Cell, Html, Number, key_numbers, page, section, table, write_page
-from tcs_friction.report.paper import identification, measurement, plant, tasks, tracking
+from tcs_friction.report.paper import identification, measurement, observers, plant, tasks, tracking
 from tcs_friction.report.paper.stand import Stand
 
 Progress = Callable[[str, float], None]  # what is being done, share of the whole that is done
@@ -25,6 +25,7 @@ class PaperResult:
 
     plant: plant.PlantResult
     measurement: measurement.MeasurementResult
+    observers: observers.ObserversResult
     search: identification.SearchResult
     tracking: tracking.TrackingResult
     tasks: tuple[tasks.Task, ...]
@@ -61,6 +62,8 @@ def measure(stand: Stand, progress: Progress = lambda _what, _share: None) -> Pa
     response = plant.measure(stand)
     progress("friction at ten speeds", 0.1)
     friction = measurement.measure(stand)
+    progress("observers compared", 0.2)
+    compared = observers.measure(stand)
     progress("identification", 0.3)
     searches = identification.SEEDS * len(identification.METHODS)
     shares = [0.0]
@@ -78,7 +81,7 @@ def measure(stand: Stand, progress: Progress = lambda _what, _share: None) -> Pa
     progress("four tasks", 0.9)
     jobs = tasks.measure(stand, compensator)
     progress("report", 0.95)
-    return PaperResult(response, friction, search, tracks, jobs, time.perf_counter() - began)
+    return PaperResult(response, friction, compared, search, tracks, jobs, time.perf_counter() - began)
 
 
 def comparisons(result: PaperResult) -> list[Row]:
@@ -91,6 +94,7 @@ def comparisons(result: PaperResult) -> list[Row]:
     simulated = "a simulated axis and dynamometer beside real ones"
     return [
         Row("accuracy of the observer", 100 * calibration.accuracy, "%", 100 * published.DOB_ACCURACY, True, simulated),
+        Row("accuracy of the observer in uniform motion", 100 * calibration.accuracy_uniform, "%", None, True, simulated),
         Row("identification RMSE, PSO-GA", median["pso-ga"], "N m", published.RMSE_PSO_GA, False,
             "not comparable: other friction data"),
         Row("identification RMSE, PSO alone", median["pso"], "N m", published.RMSE_PSO, False,
@@ -114,6 +118,7 @@ def write_report(directory: Path, result: PaperResult) -> Path:
         tasks.chapter(result.tasks),
         plant.chapter(result.plant),
         measurement.chapter(result.measurement),
+        observers.chapter(result.observers),
         identification.chapter(result.search),
         tracking.chapter(tracks),
     )
