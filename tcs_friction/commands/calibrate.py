@@ -22,15 +22,23 @@ from tcs_friction.recording.signals import SignalMap, SignalSource
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings with the dynamometer on the axis")
-    parser.add_argument("--axis", required=True, type=Path, help="axis file: the observer, and where the signals are")
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
+    parser.add_argument(
+        "bags", nargs="+", type=Path, metavar="BAG", help="recordings with the dynamometer on the axis"
+    )
+    parser.add_argument(
+        "--axis", required=True, type=Path, help="axis file: the observer, and where the signals are"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go"
+    )
     parser.add_argument(
         "--dynamometer",
         metavar="TOPIC",
         help="its topic (default: exogenous signal dynamometer of the axis file, else dynamometer beside the position's topic)",
     )
-    parser.add_argument("--field", help="in its messages (default: wrench.torque.z, wrench.force.x for a linear axis)")
+    parser.add_argument(
+        "--field", help="in its messages (default: wrench.torque.z, wrench.force.x for a linear axis)"
+    )
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
 
@@ -49,7 +57,11 @@ def run(arguments: argparse.Namespace) -> None:
     calibrated = replace(file, control=replace(control, observer=found.observer))
     _write(arguments.output, text, calibrated)
     _report(arguments.output, found, control.observer, unit, [recording.source for recording in recordings])
-    print(json.dumps(found.to_mapping(), allow_nan=False) if arguments.json else summary(found, unit, arguments.output))
+    print(
+        json.dumps(found.to_mapping(), allow_nan=False)
+        if arguments.json
+        else summary(found, unit, arguments.output)
+    )
 
 
 def with_dynamometer(signals: SignalMap, kind: str, topic: str | None, field: str | None) -> SignalMap:

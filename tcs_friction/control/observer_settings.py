@@ -18,7 +18,9 @@ class ObserverSettings:
 
     plant: NominalPlant = field(default_factory=NominalPlant)
     bandwidth: float = setting(10.0, "Hz", 0.01, 1000.0, "cut-off frequency of the estimate")
-    estimator: str = choice(DOB, (DOB, KALMAN), "disturbance observer with Q filter, or Luenberger with Kalman gain")
+    estimator: str = choice(
+        DOB, (DOB, KALMAN), "disturbance observer with Q filter, or Luenberger with Kalman gain"
+    )
     actuation_delay: float = setting(
         0.0, "s", 0.0, 0.1, "known delay between the logged torque and its action"
     )

@@ -46,7 +46,9 @@ class Comparison:
         for name in ("t", "torque", "velocity", "dynamometer"):
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
             if values.shape != np.shape(self.t) or not np.isfinite(values).all():
-                raise InputError(self.source, f"{name} of shape {values.shape} or not finite", f"({len(self.t)},), finite")
+                raise InputError(
+                    self.source, f"{name} of shape {values.shape} or not finite", f"({len(self.t)},), finite"
+                )
             object.__setattr__(self, name, values)
         if len(self.t) < 2 or self.t[-1] - self.t[0] < 2.0 * SETTLE:
             raise InputError(self.source, "too short a recording", f"at least {2.0 * SETTLE:g} s")
@@ -88,7 +90,11 @@ class Calibration:
         return {
             "schema": "tcs_friction/calibration/1",
             "torque_scale": {"value": self.observer.torque_scale, "std": self.scale_std, "unit": "1"},
-            "torque_offset": {"value": self.observer.torque_offset, "std": _finite(self.offset_std), "unit": "N m"},
+            "torque_offset": {
+                "value": self.observer.torque_offset,
+                "std": _finite(self.offset_std),
+                "unit": "N m",
+            },
             "inertia": {"value": plant.first, "std": _finite(self.inertia_std), "unit": "kg m^2"},
             "dynamometer_delay": self.dynamometer_delay,
             "accuracy": {
@@ -107,7 +113,9 @@ def comparisons_of(recording: Recording) -> list[Comparison]:
     Raises InputError when none is.
     """
     if DYNAMOMETER not in recording.exogenous:
-        raise InputError(recording.source, "no usable reading of the dynamometer", "; ".join(recording.notes[-1:]))
+        raise InputError(
+            recording.source, "no usable reading of the dynamometer", "; ".join(recording.notes[-1:])
+        )
     found: list[Comparison] = []
     velocity = np.empty(len(recording.t)) if recording.velocity is None else recording.velocity
     for part in recording.segments:
@@ -168,7 +176,9 @@ def calibrate(comparisons: Sequence[Comparison], observer: ObserverSettings) -> 
         raise InputError("calibration", found, f"at least {LEAST_UNIFORM:g} s at constant speed")
     notes: list[str] = []
     wanted = target + fixed + inertia * observer.plant.first
-    scale, offset, scale_std, offset_std = _torque_fit(torque, wanted, uniform, period, observer.torque_offset, notes)
+    scale, offset, scale_std, offset_std = _torque_fit(
+        torque, wanted, uniform, period, observer.torque_offset, notes
+    )
     first, first_std = observer.plant.first, np.nan
     others = ~uniform
     if others.any() and _rms(acceleration[others]) * first > HARDLY * _rms(target):

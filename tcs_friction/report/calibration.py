@@ -38,7 +38,11 @@ def write_report(
             Number("in uniform motion", _percent(found.accuracy_uniform), "paper: 96.94 %"),
             Number("over everything", _percent(found.accuracy), "reversals included"),
             Number("before calibration", _percent(found.accuracy_before), "over everything"),
-            Number("uniform motion", _percent(float(found.uniform.mean())), "of the recordings, found automatically"),
+            Number(
+                "uniform motion",
+                _percent(float(found.uniform.mean())),
+                "of the recordings, found automatically",
+            ),
         ]
     )
     notes = [section("Notes", *found.notes)] if found.notes else []

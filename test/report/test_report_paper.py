@@ -146,6 +146,7 @@ def test_command_writes_every_table_and_figure(
 ) -> None:
     monkeypatch.setattr(published, "SPEEDS", (1.0,) * 10)
     monkeypatch.setattr(identification, "SEEDS", 1)
+    monkeypatch.setattr(observers, "ERRORS", (0.0,))
     assert main(["paper", "-o", str(tmp_path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "paper.json").read_text(encoding="utf-8"))
