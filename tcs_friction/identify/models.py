@@ -18,6 +18,8 @@ PROLOGUE = (
     24  # samples of steady motion that bring a law's memory to sliding before a stretch that starts in motion
 )
 
+SLIDING = 0.5  # of the usual torque, at least, in a stretch that starts with sliding friction
+
 
 class Model(Protocol):
     """A law over one Motion. Parameters are the law's own, in the order of its declaration."""
@@ -52,20 +54,30 @@ def depends_on_law(axis: Axis) -> bool:
 
 
 def evaluated(axis: Axis, motion: Motion, sliding: bool = True) -> np.ndarray:
-    """`machine.evaluate` (n, 8) over every stretch on its own; one that starts in motion starts with sliding friction."""
+    """`machine.evaluate` (n, 8) over every stretch on its own; one that starts sliding starts with a bristle that is."""
     names = tuple(sorted(motion.exogenous))
     out = np.empty((len(motion), 8))
     temperature = motion.temperature if motion.temperature is not None else np.full(len(motion), 20.0)
     signals = np.ascontiguousarray(np.vstack([temperature, *(motion.exogenous[name] for name in names)]))
-    for part in motion.stretches:
+    slides = start_sliding(axis, motion) if sliding else np.zeros(len(motion.bounds) - 1, dtype=bool)
+    for part, slides_first in zip(motion.stretches, slides, strict=True):
         machine = compiled.build(axis, 1.0 / motion.rate, 1, names)
-        if sliding and abs(motion.velocity[part.start]) > motion.resolution:
+        if slides_first:
             _slide(machine, motion, part.start, signals)
         compiled.evaluate(
             machine, motion.t[part], motion.position[part], motion.velocity[part], motion.acceleration[part],
             motion.torque[part], signals[:, part], motion.resolution, out[part],
         )  # fmt: skip
     return out
+
+
+def start_sliding(axis: Axis, motion: Motion) -> np.ndarray:
+    """(s,) Whether each stretch starts in motion against a torque as large as usual; less says that it has only just set off."""
+    starts = motion.bounds[:-1]
+    friction = motion.torque - axis.inertia * motion.acceleration
+    usual = float(np.median(np.abs(friction)))
+    speed = motion.velocity[starts]
+    return np.asarray((np.abs(speed) > motion.resolution) & (friction[starts] * np.sign(speed) > SLIDING * usual))
 
 
 def _slide(machine: compiled.Machine, motion: Motion, start: int, signals: np.ndarray) -> None:

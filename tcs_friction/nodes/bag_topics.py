@@ -14,7 +14,7 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
 DEPTH = 1000
-"""Messages that a recorder's subscription keeps while the recorder is busy."""
+"""Messages that a recorder's subscription, or a player's publisher, keeps while the other side is busy."""
 
 POLICIES = {
     "history": HistoryPolicy,
@@ -84,7 +84,8 @@ def _span(duration: Duration) -> dict[str, int]:
 def publisher_profile(text: str) -> QoSProfile:
     """The profile of a recorded topic, from metadata of any version; reliable and volatile where it says nothing.
 
-    A publisher offers what all recorded ones offered: reliable, or latched, if one of them was.
+    A publisher offers what all recorded ones offered: reliable, or latched, if one of them was. Only to those who come late does
+    the depth of a latched topic matter; of others it keeps as much as a slow subscriber may want again.
     """
     try:
         entries = [entry for entry in yaml.safe_load(text) or [] if isinstance(entry, Mapping)]
@@ -97,7 +98,7 @@ def publisher_profile(text: str) -> QoSProfile:
     latched = DurabilityPolicy.TRANSIENT_LOCAL in durability
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=max([*depths, 10]),
+        depth=max(depths, default=10) if latched else max([*depths, DEPTH]),
         reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )

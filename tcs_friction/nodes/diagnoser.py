@@ -18,9 +18,8 @@ from tcs_friction.errors import InputError, JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
+from tcs_friction.nodes.live import LiveRecording
 from tcs_friction.nodes.qos import COLLECT
-from tcs_friction.nodes.series import Series
-from tcs_friction.nodes.wire import JointWire
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.diagnosis_files import write_diagnosis
@@ -44,20 +43,18 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
 
     def __init__(self) -> None:
         super().__init__("diagnoser", defaults)
-        self._series = Series(3)  # position, velocity, torque
+        self._live = LiveRecording()
         self.start()
-        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
         self._waiter = Waiter(self)
         self._jobs = Jobs(self, self._waiter, "diagnose", DiagnoseAction, self._diagnose, DiagnoseService)
+        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
 
     def configure(self, config: DiagnoserConfig) -> None:
         super().configure(config)
-        self._wire = JointWire(self.file.axis.name)
-        self._series.limit = round(config.memory / config.period)
+        self._live.follow(self.file.axis.name, round(config.memory / config.period))
 
     def _on_state(self, data: bytes) -> None:
-        stamp, *values = self._wire.read(data)
-        if self._series.append(stamp, *values):
+        if self._live.append(data):
             self.health.ticks += 1
 
     async def _diagnose(self, request: Any, answer: Any, progress: Progress) -> str:
@@ -82,10 +79,7 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
             if file.signals is None:
                 raise InputError(request.axis or "axis file", "no signals block", "signals: {position: ..., torque: ...}")
             return read_recordings([Path(name) for name in request.bags], file.signals)
-        t, position, velocity, torque = self._series.arrays()
-        if len(t) < 2:
-            raise JobError("live recording", f"{len(t)} joint states heard", "a run before")
-        return (Recording(t=t - t[0], position=position, velocity=velocity, torque=torque, source="live"),)
+        return (self._live.recording(),)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,4 +1,7 @@
-"""Identification in the graph: from what the observer sees, or from bags, to LuGre parameters for the compensator."""
+"""Identification in the graph: from what the observer sees, or from bags, to LuGre parameters for the compensator.
+
+Where no observer's estimates are heard, the joint states are what is identified from, as the command does it from their bag.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock
+from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import FrictionEstimate, LugreParameters
 from tcs_friction_msgs.srv import Identify as IdentifyService
@@ -25,6 +29,7 @@ from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_
 from tcs_friction.nodes.convert import fill_direction, set_stamp
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
+from tcs_friction.nodes.live import LiveRecording
 from tcs_friction.nodes.qos import COLLECT, LATCHED
 from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.wire import ESTIMATE
@@ -57,27 +62,34 @@ class Identifier(AxisNode[IdentifierConfig]):
     def __init__(self) -> None:
         super().__init__("identifier", defaults)
         self._series = Series(2)  # velocity, torque
+        self._live = LiveRecording()
         self._publisher = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self.start()
-        self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, COLLECT, raw=True)
         self._waiter = Waiter(self)
         self._jobs = Jobs(self, self._waiter, "identify", IdentifyAction, self._identify, IdentifyService)
+        self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, COLLECT, raw=True)
+        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
 
     def configure(self, config: IdentifierConfig) -> None:
         if config.switch2 and not self.config.switch2:
             self._series.clear()
         super().configure(config)
         self._series.limit = round(config.memory / config.period)
+        self._live.follow(self.file.axis.name, self._series.limit)
 
     def _on_estimate(self, data: bytes) -> None:
         stamp, (torque, velocity, _, valid) = ESTIMATE.read(data)
         if valid and self.config.switch2 and self._series.append(stamp, velocity, torque):
             self.health.ticks += 1
 
+    def _on_state(self, data: bytes) -> None:
+        if not len(self._series) and self._live.append(data):
+            self.health.ticks += 1
+
     async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:
         file = load_axis(config_file(request.axis)) if request.axis else self.file
         data, source = self._data(request, file)
-        believed = file.axis if request.bags else replace(file.axis, effects=())
+        believed = replace(file.axis, effects=()) if isinstance(data[0], FrictionSeries) else file.axis
 
         def tell(generation: Generation) -> None:
             progress.tell(
@@ -101,21 +113,23 @@ class Identifier(AxisNode[IdentifierConfig]):
             write_result(Path(request.directory), replace(file, axis=believed), found)
         self._publisher.publish(message)
         size = f"{found.parameters['coulomb'].value:.4g}, static {found.parameters['static'].value:.4g}"
-        return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms"
+        return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms, from {source}"
 
     def _data(self, request: Any, file: AxisFile) -> tuple[list[Data], str]:
-        """Recordings of the bags named, or the series of live estimates."""
+        """Recordings of the bags named, or the series of live estimates, or without any the live recording of joint states."""
         if request.bags:
             if file.signals is None:
                 raise InputError(request.axis or "axis file", "no signals block", "signals: {position: ..., torque: ...}")
             bags = [Path(name) for name in request.bags]
             return list(read_recordings(bags, file.signals)), ", ".join(request.bags)
+        if not len(self._series):
+            return [self._live.recording()], f"{len(self._live)} live joint states"
         t, velocity, torque = self._series.arrays()
         keep = t >= (t[0] if len(t) else 0.0) + self.config.settle
         if np.count_nonzero(keep) < 2:
             raise JobError("live recording", f"{len(t)} estimates heard", "a run in mode MEASURE before")
         delay, bandwidth = self.config.estimate_delay, self.config.estimate_bandwidth
-        return [FrictionSeries(t[keep], velocity[keep], torque[keep], delay, bandwidth)], "live"
+        return [FrictionSeries(t[keep], velocity[keep], torque[keep], delay, bandwidth)], f"{len(t)} live estimates"
 
 
 def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreParameters:

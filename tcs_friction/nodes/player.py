@@ -31,6 +31,7 @@ from tcs_friction.recording.play import Message, as_cdr, first_time, in_log_orde
 from tcs_friction.recording.signals import nearest
 
 SECOND = 1_000_000_000
+POLL = 0.02  # s
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class PlayerConfig:
     loop: bool = switch(False, "begin anew at the end")
     start_offset: float = setting(0.0, "s", 0.0, 1e9, "leave out so much at the beginning")
     delay: float = setting(1.0, "s", 0.0, 3600.0, "wait before the first message, for subscribers to be found")
+    subscribers: int = setting(0, "", 0, 1000, "wait until every topic has so many, before the delay")
     paused: bool = switch(False, "wait for ~/resume before the first message")
     clock_rate: float = setting(0.0, "Hz", 0.0, 10000.0, "publish /clock so often (of wall time); 0 for never")
 
@@ -140,6 +142,8 @@ class PlayerNode(PlainNode[PlayerConfig]):
 
     def condition(self) -> tuple[str, dict[str, str]]:
         """How far it is."""
+        if not self.count and (lonely := self._lonely()):
+            return f"waiting for subscribers of {', '.join(lonely)}", {"bag": self.config.bag}
         played = max(self.pace.bag_time() - self._first, 0) / SECOND if self.count else 0.0
         return "", {"bag": self.config.bag, "messages": str(self.count), "time of the bag [s]": f"{played:.3f}"}
 
@@ -177,13 +181,20 @@ class PlayerNode(PlainNode[PlayerConfig]):
                 self._at_end()
 
     def _announce(self) -> None:
-        """Make the publishers of the bag's first seconds, then leave subscribers time to find them."""
+        """Make the publishers of the bag's first second, then leave subscribers time to find them."""
         for _, channel, _ in self._head():
             self._publisher(channel)
+        while self._lonely() and not self.pace.stopped:
+            time.sleep(POLL)
         self.pace.start(0)
         end = int(self.config.delay * SECOND * self.config.rate)
         if not self.config.paused:
             self.pace.wait(end)
+
+    def _lonely(self) -> list[str]:
+        """Topics that lack subscribers."""
+        outlets = filter(None, list(self._outlets.values()))
+        return [outlet.topic_name for outlet in outlets if outlet.get_subscription_count() < self.config.subscribers]
 
     def _head(self) -> Iterator[Message]:
         for message in in_log_order(self._bag, self._topics):

@@ -19,6 +19,6 @@ def _profile(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATIL
 
 PUBLISH = _profile(1000)
 LISTEN = _profile(10)
-COLLECT = _profile(1000)
-"""For nodes that need every message: identifier, commission, recorder."""
+COLLECT = _profile(10_000)
+"""For nodes that need every message and may have to wait for the processor: identifier, diagnoser, commission."""
 LATCHED = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL)

@@ -47,8 +47,12 @@ class Series:
         for column in self._values:
             del column[:count]
 
+    def newest(self) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
+        """Stamps in ns and the columns, each (n,), n at most `limit`."""
+        first = max(0, len(self.stamps) - self.limit)
+        return np.array(self.stamps[first:], dtype=np.int64), [np.array(column[first:]) for column in self._values]
+
     def arrays(self) -> list[NDArray[np.float64]]:
         """Time in s and the columns, each (n,), n at most `limit`."""
-        first = max(0, len(self.stamps) - self.limit)
-        t = np.array(self.stamps[first:], dtype=np.float64) * 1e-9
-        return [t, *(np.array(column[first:], dtype=np.float64) for column in self._values)]
+        stamps, columns = self.newest()
+        return [stamps.astype(np.float64) * 1e-9, *columns]

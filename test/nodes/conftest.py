@@ -129,11 +129,13 @@ class Processes:
         self._folder = folder
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, name: str, *arguments: str) -> None:
+    def start(self, name: str, *arguments: str, label: str = "") -> None:
+        """Start a node; a second one of the same name needs a label."""
+        label = label or name
         command = [sys.executable, "-P", "-m", "tcs_friction.cli", "node", name, "--ros-args", *arguments]
-        log = (self._folder / f"{name}.log").open("ab")
+        log = (self._folder / f"{label}.log").open("ab")
         env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
-        self._processes[name] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
+        self._processes[label] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
         log.close()
 
     def kill(self, name: str) -> None:

@@ -96,14 +96,14 @@ def test_identification_without_data_says_so(together: Callable[..., Any], given
     graph = together("-p", "run_until:=0.0", nodes=["identifier"])
     answer = call(graph, Identify, "identifier/identify", Identify.Request(**given))
     assert not answer.success
-    assert ("nowhere" if given else "live recording: 0 estimates heard") in answer.message
+    assert ("nowhere" if given else "live recording: 0 joint states of azimuth heard") in answer.message
 
 
 def test_diagnosis_without_data_says_so(together: Callable[..., Any]) -> None:
     graph = together(nodes=["diagnoser"])
     answer = call(graph, Diagnose, "diagnoser/diagnose", Diagnose.Request())
     assert not answer.success
-    assert "0 joint states heard" in answer.message
+    assert "0 joint states of azimuth heard" in answer.message
 
 
 async def act(graph: Any, kind: Any, name: str, goal: Any, hear: Callable[[Any], None], cancel_when: Any = None) -> Any:

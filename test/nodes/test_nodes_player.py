@@ -126,6 +126,17 @@ def test_pause_and_resume(play: Any) -> None:
     assert listener.numbers == list(range(300))
 
 
+def test_nothing_is_played_before_everybody_listens(play: Any) -> None:
+    player, listener, spin = play("delay:=0.0", "subscribers:=2", "topics:=/a")
+    assert not spin(lambda: bool(listener.heard), 0.7)
+    assert player.condition()[0] == "waiting for subscribers of /a"
+    heard: list[float] = []
+    listener.node.create_subscription(Float64, "/a", lambda m: heard.append(m.data), 1000)
+    assert spin(lambda: len(heard) >= 300)
+    assert heard == listener.numbers == list(range(300))
+    assert player.condition()[0] == ""
+
+
 def test_loop(play: Any) -> None:
     _, listener, spin = play("loop:=true", "rate:=20.0", "topics:=/a")
     assert spin(lambda: len(listener.heard) >= 700)

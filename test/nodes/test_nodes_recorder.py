@@ -169,7 +169,7 @@ def test_profiles_survive_the_bag() -> None:
     reliable = QoSProfile(depth=7, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
     back = publisher_profile(profiles_text([reliable]))
-    assert (back.reliability, back.durability, back.depth) == (reliable.reliability, reliable.durability, 10)
+    assert (back.reliability, back.durability, back.depth) == (reliable.reliability, reliable.durability, 7)
     assert publisher_profile(profiles_text([best_effort])).reliability == ReliabilityPolicy.BEST_EFFORT
     both = profiles_text([reliable, best_effort])
     assert publisher_profile(both).reliability == ReliabilityPolicy.RELIABLE

@@ -1,0 +1,100 @@
+"""A recorded run played back into the identifier gives what the command finds in the bag: real processes, topics over DDS."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from conftest import wait_until
+from rclpy.executors import SingleThreadedExecutor
+from tcs_friction_msgs.srv import Identify
+
+from tcs_friction import cli
+from tcs_friction.config import load_axis, save_axis
+from tcs_friction.control.loop import simulate_loop
+from tcs_friction.control.reference import Reference, load_reference
+from tcs_friction.nodes.runs import Run
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+PERIOD = 4e-3  # s, with which the run is recorded
+RATE = 10.0
+LAW = ("coulomb", "static", "stribeck_velocity", "stiffness")
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> tuple[Path, Path]:
+    """A bag of a measuring run, with joint states and the observer's estimates as the graph records them, and its axis file."""
+    file = load_axis(CONFIG / "azimuth_1p2m.yaml")
+    assert file.signals is not None
+    file = replace(file, axis=replace(file.axis, effects=()), signals=replace(file.signals, reference=None))
+    save_axis(tmp_path / "axis.yaml", file)
+    reference = Reference(replace(load_reference(CONFIG / "azimuth_1p2m_measure.yaml").config, duration=30.0, period=20.0))
+    control = file.control
+    assert control is not None
+    run = simulate_loop(file.axis, reference, control.controller, control.loop, control.observer)
+    keep = slice(0, None, round(PERIOD / control.loop.period))
+    columns = {
+        "joint_states": [run.t, run.position, run.velocity, run.torque],
+        "friction_estimate": [run.t, run.friction_estimate, run.velocity, run.rest_estimate, np.ones(len(run.t))],
+    }
+    kept = {name: [column[keep] for column in entry] for name, entry in columns.items()}
+    Run("azimuth", kept).write(tmp_path / "bag", "/azimuth")
+    return tmp_path / "bag", tmp_path / "axis.yaml"
+
+
+@pytest.fixture
+def call() -> Iterator[Callable[..., Any]]:
+    """Calls a service of another process and waits for the answer."""
+    rclpy.init(args=[])
+    node = rclpy.create_node("caller", namespace="azimuth")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def answer(kind: Any, name: str, request: Any, limit: float = 60.0) -> Any:
+        client = node.create_client(kind, name)
+        assert client.wait_for_service(limit), f"no service {name}"
+        future = client.call_async(request)
+        executor.spin_until_future_complete(future, timeout_sec=limit)
+        assert future.done(), f"no answer of {name}"
+        return future.result()
+
+    yield answer
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def found(directory: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((directory / "identification.json").read_text())
+    return {name: item["value"] for name, item in content["parameters"].items() if item["determined"]}
+
+
+def test_a_run_played_back_is_identified_as_its_bag_is(
+    processes: Any, call: Callable[..., Any], recorded: tuple[Path, Path], tmp_path: Path
+) -> None:
+    bag, axis = recorded
+    arguments = ("-p", f"axis:={axis}", "-p", f"period:={PERIOD}")
+    processes.start("identifier", *arguments)
+    processes.start("identifier", *arguments, "-p", "switch2:=true", "-r", "__node:=observing", label="observing")
+    processes.start("player", "-p", f"bag:={bag}", "-p", f"rate:={RATE}", "-p", "subscribers:=2", "-p", "delay:=2.0")
+    assert cli.main(["identify", str(bag), "--axis", str(axis), "-o", str(tmp_path / "offline")]) == 0
+    offline = found(tmp_path / "offline")
+    assert offline["coulomb"] == pytest.approx(78.1, rel=0.02)
+    assert wait_until(lambda: not processes.alive("player"), 40.0), processes.log("player")
+
+    answer = call(Identify, "identifier/identify", Identify.Request(directory=str(tmp_path / "states")))
+    assert answer.success, answer.message
+    assert "7501 live joint states" in answer.message
+    assert found(tmp_path / "states") == offline  # the same samples, so the same numbers
+
+    answer = call(Identify, "observing/identify", Identify.Request(directory=str(tmp_path / "estimates")))
+    assert answer.success, answer.message
+    assert "7501 live estimates" in answer.message
+    live = found(tmp_path / "estimates")
+    assert {name: live[name] for name in LAW} == pytest.approx({name: offline[name] for name in LAW}, rel=0.05)
+    assert live["coulomb"] == pytest.approx(offline["coulomb"], rel=0.01)
