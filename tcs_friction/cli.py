@@ -19,6 +19,7 @@ COMMANDS = {
     "identify": "identify inertia and friction from bags",
     "diagnose": "find the physics that a model lacks against bags",
     "calibrate": "calibrate the friction observer against a dynamometer in bags",
+    "response": "frequency response from torque to speed from bags, and models of it",
     "paper": "every table and figure of the paper, ours beside theirs",
     "bag": "look into bags, export and import them",
     "bench": "run a benchmark",

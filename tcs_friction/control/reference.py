@@ -76,6 +76,9 @@ class Multisine:
     frequency_step: float = setting(0.1, "Hz", 1e-6, 1e4, "distance between components")
     components: int = setting(20, "", 1, 10000, "number of components")
     center: float = setting(0.0, "rad", -_ANGLE, _ANGLE, "middle of the motion")
+    speed: float = setting(
+        0.0, "rad/s", -1e3, 1e3, "mean speed; more than the sines' together, and friction does not reverse"
+    )
     duration: float = _duration()
 
     def packed(self) -> tuple[float, ...]:
@@ -85,6 +88,7 @@ class Multisine:
             2.0 * math.pi * self.frequency_step,
             float(self.components),
             self.center,
+            self.speed,
         )
 
 
@@ -97,12 +101,15 @@ class SweptSine:
     highest_frequency: float = setting(50.0, "Hz", 1e-6, 1e4, "frequency at the end of the sweep")
     sweep: float = setting(60.0, "s", 1e-3, 1e7, "length of the sweep")
     center: float = setting(0.0, "rad", -_ANGLE, _ANGLE, "middle of the motion")
+    speed: float = setting(
+        0.0, "rad/s", -1e3, 1e3, "mean speed; more than the sines' together, and friction does not reverse"
+    )
     duration: float = _duration()
 
     def packed(self) -> tuple[float, ...]:
         lowest = 2.0 * math.pi * self.lowest_frequency
         rate = math.log(self.highest_frequency / self.lowest_frequency) / self.sweep
-        return (self.velocity_amplitude, lowest, rate, self.sweep, self.center)
+        return (self.velocity_amplitude, lowest, rate, self.sweep, self.center, self.speed)
 
 
 @dataclass(frozen=True)

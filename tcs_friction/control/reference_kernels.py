@@ -48,7 +48,7 @@ def _multisine(parameters: Array, t: float) -> Sample:
         int(parameters[3]),
         parameters[4],
     )
-    position, velocity, acceleration = center, 0.0, 0.0
+    position, velocity, acceleration = center + parameters[5] * t, parameters[5], 0.0
     for k in range(count):
         rate = lowest + k * step
         angle = rate * t - math.pi * k * (k + 1) / count  # Schroeder 1970
@@ -80,8 +80,8 @@ def _swept_sine(parameters: Array, t: float) -> Sample:
     radius = amplitude / rate
     slope = -radius * bend / rate
     curve = -slope * bend / rate - radius * (jerk / rate - bend * bend / (rate * rate))
-    position = center - radius * math.cos(angle)
-    velocity = -slope * math.cos(angle) + radius * rate * math.sin(angle)
+    position = center + parameters[5] * t - radius * math.cos(angle)
+    velocity = parameters[5] - slope * math.cos(angle) + radius * rate * math.sin(angle)
     acceleration = -curve * math.cos(angle) + 2.0 * slope * rate * math.sin(angle)
     acceleration += radius * (bend * math.sin(angle) + rate * rate * math.cos(angle))
     return position, velocity, acceleration

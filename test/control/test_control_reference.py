@@ -36,8 +36,8 @@ def configurations() -> st.SearchStrategy[ReferenceConfig]:
     axis = st.sampled_from(["azimuth", "elevation"])
     return st.one_of(
         st.builds(Sinusoid, number(0, 2), number(0.5, 100), number(-4, 4), number(-3, 3)),
-        st.builds(Multisine, number(0, 0.1), number(0.01, 1), number(0.01, 0.2), st.integers(1, 20)),
-        st.builds(SweptSine, number(0, 0.1), number(0.1, 1), number(1, 5), number(5, 50)),
+        st.builds(Multisine, number(0, 0.1), number(0.01, 1), number(0.01, 0.2), st.integers(1, 20), speed=number(-1, 1)),
+        st.builds(SweptSine, number(0, 0.1), number(0.1, 1), number(1, 5), number(5, 50), speed=number(-1, 1)),
         st.builds(Legs, number(1e-4, 0.1), number(0, 20), number(1e-3, 0.1), number(-3, 3)),
         st.builds(SatellitePass, axis, number(3e5, 2e6), number(0.1, 1.5), number(-100, 100), number(-3, 3)),
         st.builds(

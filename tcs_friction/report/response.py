@@ -1,0 +1,152 @@
+"""The report of a frequency response: gain, phase and coherence with the two fitted forms, and their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter, NullFormatter
+
+from tcs_friction.identify.plant_response import SECOND_ORDER, TWO_INERTIAS, PlantModel, Response
+from tcs_friction.report.figures import (
+    BELIEVED,
+    IMPROVED,
+    MEASURED,
+    MUTED,
+    Array,
+    drawn,
+    label,
+    legend,
+    panels,
+)
+from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
+from tcs_friction.report.numbers import with_error
+
+NAMES = {SECOND_ORDER: "eq. 10's form", TWO_INERTIAS: "two inertias"}
+CLEARLY = 0.7  # of the other form's misfit, for a resonance to be believed
+
+
+def write_report(
+    directory: Path,
+    measured: Response,
+    models: Sequence[PlantModel],
+    kind: str,
+    sources: Sequence[str],
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write DIR/report.html and its picture; returns the page's path. `kind` of the axis: rotary or linear."""
+    image = draw_response(measured, models, kind)
+    sure = measured.sure.frequency
+    range_words = f"{sure[0]:.3g} to {sure[-1]:.3g} Hz" if len(sure) else "none"
+    numbers = [Number("coherent", range_words, f"{len(sure)} of {len(measured.frequency)} frequencies")]
+    for model in models:
+        numbers.append(
+            Number(NAMES[model.form], f"{100 * model.misfit:.1f} %", "rms misfit, of the response")
+        )
+    tables = [parameter_table(model, kind) for model in models]
+    remarks = [section("Notes", *notes)] if notes else []
+    document = page(
+        "Frequency response from torque to speed",
+        sentence(models, kind),
+        key_numbers(numbers),
+        section("Measured and fitted", picture(image)),
+        section("Parameters", *tables),
+        *remarks,
+        remark=", ".join(sources),
+    )
+    return write_page(directory / "report.html", document, [image])
+
+
+def resonant(models: Sequence[PlantModel]) -> PlantModel | None:
+    """The two inertias, if they explain the response clearly better and their resonance is determined."""
+    plain, coupled = models
+    parameters, std = coupled.parameters, coupled.std
+    known = (
+        std["frequency"] < 0.1 * parameters["frequency"]
+        and 3.0 * std["inertia_ratio"] < parameters["inertia_ratio"]
+    )
+    return coupled if known and coupled.misfit < CLEARLY * plain.misfit else None
+
+
+def sentence(models: Sequence[PlantModel], kind: str) -> str:
+    """What a control engineer would say of the result."""
+    unit = "kg m²" if kind == "rotary" else "kg"
+    coupled, plain = resonant(models), models[0]
+    if coupled is None:
+        shown = with_error(plain.parameters["first"], plain.std["first"])
+        return f"Torque meets an inertia of {shown} {unit}; no resonance shows in the range that was excited."
+    values, std = coupled.parameters, coupled.std
+    return (
+        f"Torque meets two inertias of together {with_error(values['inertia'], std['inertia'])} {unit}: "
+        f"{100 * values['inertia_ratio']:.0f} % of it hangs on a spring, resonance at "
+        f"{with_error(values['frequency'], std['frequency'])} Hz."
+    )
+
+
+@drawn("response", "Frequency response from torque to speed, measured (grey: incoherent; bars: twice the standard "
+       "deviation) and fitted, with the coherence.")  # fmt: skip
+def draw_response(measured: Response, models: Sequence[PlantModel], kind: str) -> Figure:
+    """Gain, phase, coherence."""
+    figure, (gain, phase, likeness) = panels(
+        3, height=2.0, sharex=True, gridspec_kw={"height_ratios": [1.5, 1, 0.6]}
+    )
+    sure, frequency = measured.sure, measured.frequency
+    amplitude = np.abs(sure.response)
+    gain.loglog(frequency, np.abs(measured.response), ".", color=MUTED, ms=3)
+    bars = np.minimum(2.0 * sure.std, 0.9) * amplitude
+    gain.errorbar(sure.frequency, amplitude, bars, fmt=".", ms=4, lw=0.8, color=MEASURED, label="measured")
+    phase.semilogx(frequency, _degrees(measured.response), ".", color=MUTED, ms=3)
+    phase.semilogx(sure.frequency, _degrees(sure.response), ".", color=MEASURED, ms=4)
+    likeness.semilogx(frequency, measured.coherence, color=MEASURED, lw=1.0)
+    fine = np.geomspace(frequency[0], frequency[-1], 600)
+    styles = ((BELIEVED, "--"), (IMPROVED, "-"))
+    for model, (color, style) in zip(models, styles, strict=True):
+        curve = model.at(fine)
+        gain.loglog(fine, np.abs(curve), style, color=color, lw=1.2, label=NAMES[model.form])
+        phase.semilogx(fine, _degrees(curve), style, color=color, lw=1.2)
+    gain.set_ylim(0.5 * amplitude.min(), 2.0 * amplitude.max())
+    unit = "rad/s per N m" if kind == "rotary" else "m/s per N"
+    label(gain, "", f"gain ({unit})")
+    label(phase, "", "phase (deg)")
+    phase.set_yticks([-180, -90, 0, 90])
+    label(likeness, "frequency (Hz)", "coherence")
+    likeness.set_ylim(0.0, 1.05)
+    likeness.xaxis.set_major_formatter("{x:g}")
+    likeness.xaxis.set_minor_formatter(
+        LogFormatter(minor_thresholds=(2.0, 0.5)) if frequency[-1] < 99.0 * frequency[0] else NullFormatter()
+    )
+    legend(gain)
+    return figure
+
+
+def _degrees(response: np.ndarray) -> Array:
+    """Phase from -225 to 135 degrees: a plant that is late should not jump at -180."""
+    angle: Array = np.degrees(np.angle(response))
+    return np.where(angle > 135.0, angle - 360.0, angle)
+
+
+def parameter_table(model: PlantModel, kind: str) -> Html:
+    """Every parameter with its standard deviation."""
+    inertia, damping = ("kg m²", "N m s/rad") if kind == "rotary" else ("kg", "N s/m")
+    words = {
+        "second": ("coefficient of s²", f"{damping} s²"),
+        "first": ("coefficient of s: inertia", inertia),
+        "constant": ("constant: viscous friction", damping),
+        "inertia": ("inertia, both bodies", inertia),
+        "viscous": ("viscous friction", damping),
+        "inertia_ratio": ("share of it on the spring", "1"),
+        "frequency": ("resonance", "Hz"),
+        "damping": ("damping ratio of the resonance", "1"),
+        "delay": ("delay beside the known one", "ms"),
+    }
+    rows = []
+    for name, value in model.parameters.items():
+        scale = 1e3 if name == "delay" else 1.0
+        shown = with_error(scale * value, scale * model.std[name]) if value else "does not show"
+        rows.append([words[name][0], shown, words[name][1]])
+    caption = (
+        f"{NAMES[model.form]}: misfit {100 * model.misfit:.1f} % rms of the response. Value ± standard error"
+    )
+    return table(["parameter", "value", "unit"], rows, caption)
