@@ -8,8 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from tcs_friction.errors import TcsError
-from tcs_friction.physics.terms import nearest
+from tcs_friction.errors import TcsError, nearest
 
 COMMANDS = {
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",

@@ -25,10 +25,10 @@ from tcs_friction.control.loop import LoopConfig
 from tcs_friction.control.observer import NominalPlant
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.pid import PidConfig
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import Instance, Table, instance, nearest
+from tcs_friction.physics.terms import Instance, Table, instance
 from tcs_friction.recording.signals import SignalMap
 
 T = TypeVar("T")

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
+MOST_LISTED = 40
+
 
 class TcsError(Exception):
     """Base of every error raised on purpose.
@@ -28,3 +33,21 @@ class InputError(TcsError):
 
 class JobError(TcsError):
     """The input was fine and the job ran, but could not do what was asked. Exit status 1."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """What to expect instead of an unknown name: the known ones most like it, else what there is.
+
+    >>> nearest("coulom", ["coulomb", "static"])
+    'coulomb'
+    >>> nearest("zzz", ["coulomb", "static"])
+    'one of coulomb, static'
+    """
+    names = list(dict.fromkeys(known))
+    if not names:
+        return "nothing else there"
+    folded = {candidate.lower(): candidate for candidate in names}
+    close = difflib.get_close_matches(name.lower(), folded, n=3, cutoff=0.5)
+    if close:
+        return " or ".join(folded[match] for match in close)
+    return f"one of {', '.join(names[:MOST_LISTED])}{', ...' if len(names) > MOST_LISTED else ''}"

@@ -13,8 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from tcs_friction.errors import InputError
-from tcs_friction.physics.terms import nearest
+from tcs_friction.errors import InputError, nearest
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

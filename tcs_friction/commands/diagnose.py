@@ -11,6 +11,7 @@ import json
 import sys
 from pathlib import Path
 
+from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.result import Diagnosis
 from tcs_friction.diagnose.verdict import diagnose
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     report = write_diagnosis(arguments.output, found)
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
+    tell_notes(recordings)
     if arguments.json:
         print(json.dumps(found.to_mapping(), allow_nan=False))
         return

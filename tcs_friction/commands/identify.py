@@ -11,6 +11,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.identify.comparison import Comparison, compare_laws
@@ -77,6 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
     _write(arguments.output, file, recordings, found, comparison)
+    tell_notes(recordings)
     content = _content(found, comparison)
     print(
         json.dumps(content, allow_nan=False)

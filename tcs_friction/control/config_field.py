@@ -15,8 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from typing import Any, TypeVar, cast
 
-from tcs_friction.errors import InputError
-from tcs_friction.physics.terms import nearest
+from tcs_friction.errors import InputError, nearest
 
 Config = TypeVar("Config")
 _KEY = "setting"

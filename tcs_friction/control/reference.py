@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcs_friction.control import reference_kernels as kernels
 from tcs_friction.control.config_field import choice, from_mapping, setting, validate
-from tcs_friction.errors import InputError
-from tcs_friction.physics.terms import nearest
+from tcs_friction.errors import InputError, nearest
 
 _ANGLE = 1e6
 """Largest position, rad or m: a number that is larger is a mistake in the file."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import pso_ga
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
@@ -22,7 +22,7 @@ from tcs_friction.identify.uncertainty import correlations, cramer_rao, noise_fl
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect as effect_named
 from tcs_friction.physics.registry import law as law_named
-from tcs_friction.physics.terms import Instance, instance, linear_unit, nearest
+from tcs_friction.physics.terms import Instance, instance, linear_unit
 
 LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")

@@ -21,14 +21,13 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from tcs_friction.control.config_field import setting, switch, text
-from tcs_friction.errors import InputError, TcsError
+from tcs_friction.errors import InputError, TcsError, nearest
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.definitions import Channel, full_name
 from tcs_friction.recording.play import Message, as_cdr, first_time, in_log_order
-from tcs_friction.recording.signals import nearest
 
 SECOND = 1_000_000_000
 POLL = 0.02  # s

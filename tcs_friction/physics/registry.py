@@ -12,10 +12,10 @@ from functools import cache
 from importlib.metadata import entry_points
 from types import MappingProxyType, ModuleType
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics import effects as effects_package
 from tcs_friction.physics import friction as friction_package
-from tcs_friction.physics.terms import Place, Term, nearest
+from tcs_friction.physics.terms import Place, Term
 
 
 def _own(package: ModuleType) -> list[Term]:

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from numba import float64, njit
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 
 # Slots of the motion vector. Recorded exogenous signals follow from EXOGENOUS on, in the order of their names.
 TIME = 0  # s since the start of the recording or run
@@ -330,16 +330,3 @@ def instance(
     if term.tabulated and table is None:
         raise InputError(where, "table is missing", "coordinates, lower, upper and values")
     return Instance(term, MappingProxyType(checked), signal, table)
-
-
-def nearest(name: str, known: list[str]) -> str:
-    """What to expect instead of an unknown name: the nearest known one first.
-
-    >>> nearest("coulom", ["coulomb", "static"])
-    'coulomb (known: coulomb, static)'
-    """
-    import difflib
-
-    match = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    listed = ", ".join(known)
-    return f"{match[0]} (known: {listed})" if match else f"one of: {listed}"

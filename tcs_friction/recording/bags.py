@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 from tcs_friction.recording import mcap_read, ros1_read, sqlite_read
 from tcs_friction.recording.align import align
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.recording import Recording
-from tcs_friction.recording.signals import SignalMap, SignalSource, nearest
+from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
 
 Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 from tcs_friction.recording import kernels
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
 from tcs_friction.recording.definitions import Channel, full_name, types_of
 from tcs_friction.recording.layout import Layout, MalformedError, layout
 from tcs_friction.recording.recording import Column
-from tcs_friction.recording.signals import SignalSource, nearest
+from tcs_friction.recording.signals import SignalSource
 from tcs_friction.recording.targets import stamp_path, target
 
 MAX_LAYOUTS = 32

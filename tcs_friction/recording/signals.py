@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -10,24 +9,13 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 
 REQUIRED = ("position", "torque")
 OPTIONAL = ("velocity", "temperature", "reference")
 SOURCE_KEYS = ("topic", "field", "joint", "scale")
 
 _STEP = re.compile(r"([A-Za-z_]\w*)((?:\[\d+\])*)")
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The known names most like `name`, for the end of an error message."""
-    names = list(dict.fromkeys(known))
-    if not names:
-        return "nothing else there"
-    folded = {candidate.lower(): candidate for candidate in names}
-    close = difflib.get_close_matches(name.lower(), folded, n=3, cutoff=0.4)
-    chosen = [folded[match] for match in close] or sorted(names)[:8]
-    return " or ".join(chosen) if close else f"one of {', '.join(chosen)}"
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from tcs_friction.errors import InputError, JobError
+from tcs_friction.errors import InputError, JobError, nearest
 from tcs_friction.recording.align import align
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.recording import Column, Recording
-from tcs_friction.recording.signals import OPTIONAL, REQUIRED, SignalMap, SignalSource, nearest
+from tcs_friction.recording.signals import OPTIONAL, REQUIRED, SignalMap, SignalSource
 from tcs_friction.recording.write import EPOCH
 
 ROTARY = {"position": "rad", "velocity": "rad/s", "torque": "N m", "reference": "rad"}

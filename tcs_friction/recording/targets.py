@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 from tcs_friction.recording.definitions import (
     NAME_LISTS,
     TIMES,
@@ -17,7 +17,7 @@ from tcs_friction.recording.definitions import (
     number_paths,
     types_of,
 )
-from tcs_friction.recording.signals import SignalSource, nearest
+from tcs_friction.recording.signals import SignalSource
 
 Path = tuple[str | int, ...]
 

@@ -61,7 +61,7 @@ def test_every_bad_value_is_named_at_once() -> None:
 
 
 def test_unknown_key_names_the_nearest() -> None:
-    with pytest.raises(InputError, match=r"unknown key 'gian'.*gain \(known"):
+    with pytest.raises(InputError, match=r"unknown key 'gian'.*gain"):
         from_mapping(Sample, {"gian": 1.0}, "sample")
 
 
@@ -94,8 +94,8 @@ def test_nested_configuration_goes_to_a_mapping_and_back() -> None:
     ("values", "found"),
     [
         ({"inner": {"gain": 99.0}, "scale": 3.0}, r"outer: scale is 3, .*; inner\.gain is 99"),
-        ({"inner": {"gian": 1.0}}, r"outer inner: unknown key 'gian', expected gain \("),
-        ({"iner": {}}, r"unknown key 'iner', expected inner \("),
+        ({"inner": {"gian": 1.0}}, r"outer inner: unknown key 'gian', expected gain"),
+        ({"iner": {}}, r"unknown key 'iner', expected inner"),
         ({"inner": 5}, "outer inner: 5, expected a mapping"),
     ],
 )

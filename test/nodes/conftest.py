@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import subprocess
@@ -13,8 +14,22 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
-pytest.importorskip("tcs_friction_msgs", reason="the workspace is not built")
+MISSING = [name for name in ("rclpy", "tcs_friction_msgs") if importlib.util.find_spec(name) is None]
+if MISSING:
+    collect_ignore_glob = ["test_*.py"]
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Where everything has to be tested, leaving tests out is a failure."""
+    if MISSING and os.environ.get("CI"):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """One line about what was left out."""
+    if MISSING:
+        terminalreporter.line(f"test/nodes left out: no {' and no '.join(MISSING)}; ./tcs test brings them")
+
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))

@@ -248,7 +248,8 @@ def test_whatever_is_done_to_a_bag_the_end_is_a_recording_or_one_line(
     except InputError:
         pass
     else:
-        if kind in CHUNKED:
+        cut = any("the end of the file is missing" in note for note in recording.notes)
+        if kind in CHUNKED and not cut:  # a chunk that is cut has no checksum left
             agrees(recording)
     finally:
         shutil.rmtree(folder)

@@ -1,0 +1,17 @@
+"""Names that do not exist are answered with those that do."""
+
+from __future__ import annotations
+
+from tcs_friction.errors import MOST_LISTED, nearest
+
+
+def test_the_most_alike_are_named() -> None:
+    assert nearest("coulom", ["coulomb", "static"]) == "coulomb"
+    assert nearest("/JOINT_STATE", ["/joint_states", "/wind", "/joint_states"]) == "/joint_states"
+
+
+def test_without_any_alike_all_are_listed() -> None:
+    assert nearest("zzz", ["static", "coulomb"]) == "one of static, coulomb"
+    assert nearest("zzz", []) == "nothing else there"
+    many = nearest("zzz", (f"topic_{number}" for number in range(MOST_LISTED + 1)))
+    assert many.endswith(f"topic_{MOST_LISTED - 1}, ...")
