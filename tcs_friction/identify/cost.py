@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.models import AnyModel
+from tcs_friction.identify.models import AnyModel, first_directions
 from tcs_friction.identify.motion import Motion, coarse, unsure_start
 from tcs_friction.identify.problem import Problem, thinning
 from tcs_friction.physics.terms import Parameter, Role
@@ -83,8 +83,7 @@ def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
     travel = np.diff(moved[index], prepend=moved[index[0]])
     carry = np.ones(len(index))
     carry[first] = 0.0
-    starting = motion.velocity[index[first]]
-    travel[first] = np.where(np.abs(starting) > motion.resolution, np.copysign(FAR, starting), 0.0)
+    travel[first] = first_directions(problem.axis, motion) * FAR
     weight = _weights_at(problem, index)
     weight[unsure_start(motion)[index]] = 0.0
     velocity, acceleration = motion.velocity[index], motion.acceleration[index]

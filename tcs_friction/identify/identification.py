@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import pso_ga
+from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
+from tcs_friction.identify.models import LuGreModel
 from tcs_friction.identify.motion import Data, prepare
+from tcs_friction.identify.prediction import Sharpened, resolvable, sharpen
 from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.pso_ga import Generation, SwarmOptions
-from tcs_friction.identify.refine import Outcome, Refined, Space, refine
-from tcs_friction.identify.result import Errors, Estimate, Fit, Identification
+from tcs_friction.identify.refine import Outcome
+from tcs_friction.identify.result import Identification
 from tcs_friction.identify.start import believed_start, space_of
-from tcs_friction.identify.uncertainty import correlations, cramer_rao, noise_floor, sandwich
+from tcs_friction.identify.uncertainty import noise_floor
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect as effect_named
 from tcs_friction.physics.registry import law as law_named
-from tcs_friction.physics.terms import Instance, instance, linear_unit
+from tcs_friction.physics.terms import Instance, instance
 
-LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
+WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
+CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0)
 QUICK_GENERIC = SwarmOptions(population=40, generations=1, swarm_generations=30, genetic_generations=0)
@@ -36,7 +40,7 @@ class IdentifyOptions:
 
     hold_inertia: keep the axis file's. offset: allow a constant torque. loss: `squares` or `huber` (outliers count less).
     bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods;
-    box: where they search.
+    box: where they search. uncertainty: `sandwich`, or `bootstrap` of blocks of the residual.
     """
 
     hold_inertia: bool = False
@@ -45,10 +49,13 @@ class IdentifyOptions:
     bandwidth: float | None = None
     swarm: SwarmOptions = field(default_factory=SwarmOptions)
     box: Box | None = None
+    uncertainty: str = "sandwich"
 
     def __post_init__(self) -> None:
         if self.loss not in ("squares", "huber"):
             raise InputError("identification: loss", repr(self.loss), "squares or huber")
+        if self.uncertainty not in UNCERTAINTIES:
+            raise InputError("identification: uncertainty", repr(self.uncertainty), "sandwich or bootstrap")
         if self.bandwidth is not None and not self.bandwidth > 0.0:
             raise InputError("identification: bandwidth", repr(self.bandwidth), "a positive number of Hz")
 
@@ -94,34 +101,30 @@ def identify(
     found = _search(cost, method, seed, options, progress, cancel)
     unknowns = cost.unknowns(found.position)
     space = space_of(problem, free_inertia, free_offset)
-    held = _training_mask(problem)
     polish = method == "default" and found.outcome is not Outcome.CANCELLED
     verdicts = judge(problem, unknowns, space, believed, options.loss, polish, cancel)
+    sharp = None
+    if polish:
+        verdicts, sharp = _sharpened(problem, verdicts, options.loss, cancel)
     refined = verdicts.refined
-    errors = _errors(problem, verdicts, held, options.loss, polish)
-    covariance = _covariance(refined, verdicts.space.free)
-    directions = _directions(problem, verdicts, options.loss) if problem.motion.reverses else {}
-    evaluations = found.evaluations + verdicts.evaluations
+    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty)
     return Identification(
         law=axis.friction.term.id,
         method=method,
-        parameters={
-            p.name: _estimate(problem, verdicts, covariance, k)
-            for k, p in enumerate(axis.friction.term.parameters)
-        },
-        inertia=_estimate(problem, verdicts, covariance, problem.inertia_index),
-        offset=_estimate(problem, verdicts, covariance, problem.offset_index),
-        directions=directions,
-        rmse=errors,
+        parameters=concluded.parameters(),
+        inertia=concluded.estimate(problem.inertia_index),
+        offset=concluded.estimate(problem.offset_index),
+        directions=concluded.directions(),
+        rmse=concluded.errors(polish),
         noise_floor=noise_floor(refined.residual),
         cost=refined.cost,
-        evaluations=evaluations,
+        evaluations=found.evaluations + verdicts.evaluations,
         seconds=time.perf_counter() - began,
         outcome=refined.outcome if polish else found.outcome,
         history=found.history,
-        fit=_fit(problem, refined),
-        correlation=_correlation(problem, verdicts, covariance),
-        bound=_bounds(problem, verdicts),
+        fit=concluded.fit(),
+        correlation=concluded.correlation(),
+        bound=concluded.bounds(),
         seed=seed,
         notes=(*motion.notes, *verdicts.notes),
     )
@@ -171,131 +174,32 @@ def _search(
     return pso_ga.search(cost, len(cost.box.lower), seed, settings, progress=progress, cancel=cancel)
 
 
-def _training_mask(problem: Problem) -> np.ndarray:
-    """(m,) True for samples that train: all recordings but the last, or, with one, eight of ten blocks of it."""
-    motion, centres = problem.motion, problem.thin.centres
-    owner = np.asarray(motion.sources)[np.searchsorted(motion.bounds, centres, side="right") - 1]
-    if len(set(motion.sources)) > 1:
-        return np.asarray(owner != max(motion.sources))
-    block = np.arange(len(centres)) * 10 // len(centres)
-    return np.asarray(~np.isin(block, (3, 7)))
-
-
-def _errors(problem: Problem, verdicts: Verdicts, training: np.ndarray, loss: str, polish: bool) -> Errors:
-    """Residuals of a fit that saw only the training samples; a search without local end has seen all, and says so by both."""
-    if polish:
-        part = problem.masked(training)
-        fitted = refine(
-            part.linearised,
-            part.torque,
-            part.target,
-            part.weights,
-            verdicts.refined.unknowns,
-            verdicts.space,
-            loss,
-            iterations=8,
-        )
-        residual = fitted.residual
-    else:
-        residual = verdicts.refined.residual
-    counted = problem.weights > 0.0
-    return Errors(_rms(residual[training & counted]), _rms(residual[~training & counted]))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
-
-
-def _covariance(refined: Refined, free: np.ndarray) -> np.ndarray:
-    """(p, p) with zeros for what was held."""
-    index = np.flatnonzero(free)
-    result = np.zeros((len(free), len(free)))
-    result[np.ix_(index, index)] = sandwich(refined.jacobian[:, index], refined.residual, refined.weights)
-    return result
-
-
-def _unit(problem: Problem, k: int) -> str:
-    declared = [p.unit for p in problem.axis.friction.term.parameters]
-    rotary = [*declared, "kg m^2", "N m"][k]
-    return rotary if problem.axis.kind == "rotary" else linear_unit(rotary)
-
-
-def _estimate(problem: Problem, verdicts: Verdicts, covariance: np.ndarray, k: int) -> Estimate:
-    reason = verdicts.reasons.get(k)
-    std = float(np.sqrt(max(covariance[k, k], 0.0)))
-    return Estimate(float(verdicts.refined.unknowns[k]), std, _unit(problem, k), reason is None, reason)
-
-
-def _directions(problem: Problem, verdicts: Verdicts, loss: str) -> Mapping[str, Mapping[str, Estimate]]:
-    """The law fitted to each direction of motion on its own; inertia and offset are those of both together."""
-    result = {}
-    size = problem.law_size
-    law_only = np.arange(len(verdicts.space.free)) < size
-    space = Space(
-        verdicts.space.lower, verdicts.space.upper, verdicts.space.logarithmic, verdicts.space.free & law_only
+def _sharpened(
+    problem: Problem, verdicts: Verdicts, loss: str, cancel: Callable[[], bool]
+) -> tuple[Verdicts, Sharpened | None]:
+    """The fit of predictions, where it can be made and does not contradict that of torques."""
+    fine, model, size = problem.fine, problem.model, problem.law_size + 2
+    unknowns = verdicts.refined.unknowns.copy()
+    if fine is None or not isinstance(model, LuGreModel):
+        return verdicts, None
+    if not resolvable(fine, model, unknowns[: size - 2], unknowns[size - 2]):
+        return verdicts, None
+    before = rms(verdicts.refined.residual)
+    speed = float(np.abs(problem.motion.velocity).max())
+    sharp = sharpen(fine, model, unknowns[:size], verdicts.space.first(size), before, speed, loss, cancel)
+    unknowns[:size] = sharp.unknowns[:size]
+    torque, jacobian = problem.linearised(unknowns)
+    residual = problem.target - torque
+    if not rms(residual) < WORSE * before:
+        return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
+    cost = 0.5 * float(verdicts.refined.weights @ residual**2)
+    refined = replace(verdicts.refined, unknowns=unknowns, residual=residual, jacobian=jacobian, cost=cost)
+    notes = (
+        *verdicts.notes,
+        f"torque acts {1e3 * sharp.delay:.3g} ms after its stamp, as the predictions have it",
     )
-    for way, sign in (("positive", 1.0), ("negative", -1.0)):
-        part = problem.masked(sign * problem.velocity > 0.0)
-        if np.count_nonzero(part.weights) < LEAST_ONE_WAY:
-            continue
-        fitted = refine(
-            part.linearised,
-            part.torque,
-            part.target,
-            part.weights,
-            verdicts.refined.unknowns,
-            space,
-            loss,
-            iterations=20,
-        )
-        covariance = _covariance(fitted, space.free)
-        chosen = replace(verdicts, refined=fitted)
-        result[way] = {
-            p.name: _estimate(part, chosen, covariance, k)
-            for k, p in enumerate(problem.axis.friction.term.parameters)
-        }
-    return result
-
-
-def _fit(problem: Problem, refined: Refined) -> Fit:
-    inertia, offset = refined.unknowns[problem.inertia_index], refined.unknowns[problem.offset_index]
-    rest = inertia * problem.acceleration + offset
-    modelled = problem.target - refined.residual
-    bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
-    return Fit(
-        problem.times,
-        problem.velocity,
-        problem.target,
-        modelled,
-        problem.target - rest,
-        modelled - rest,
-        bounds,
-    )
-
-
-def _correlation(
-    problem: Problem, verdicts: Verdicts, covariance: np.ndarray
-) -> tuple[tuple[str, ...], np.ndarray]:
-    index = [k for k in np.flatnonzero(verdicts.space.free) if k < problem.law_size + 2]
-    names = tuple(problem.names[k] for k in index)
-    return names, correlations(covariance[np.ix_(index, index)])
-
-
-def _bounds(problem: Problem, verdicts: Verdicts) -> dict[str, float]:
-    """Cramer-Rao bound for Gaussian errors with the residual's own autocovariance."""
-    refined = verdicts.refined
-    residual = refined.residual[refined.weights > 0.0]
-    index = np.flatnonzero(verdicts.space.free)
-    if not len(residual) or not residual.any():
-        return {}
-    centred = residual - residual.mean()
-    lags = min(len(centred) // 4, 60)
-    noise = np.array([float(centred[k:] @ centred[: len(centred) - k]) for k in range(lags)]) / len(centred)
-    taper = 0.5 + 0.5 * np.cos(np.pi * np.arange(lags) / lags)
-    covariance = cramer_rao(refined.jacobian[np.ix_(refined.weights > 0.0, index)], noise * taper)
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    kept = problem.law_size + 2
-    return {problem.names[k]: float(std) for k, std in zip(index, deviation, strict=True) if k < kept}
+    evaluations = verdicts.evaluations + sharp.evaluations
+    return replace(verdicts, refined=refined, evaluations=evaluations, notes=notes), sharp
 
 
 def identified_axis(axis: Axis, found: Identification) -> Axis:

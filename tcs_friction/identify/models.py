@@ -80,6 +80,11 @@ def start_sliding(axis: Axis, motion: Motion) -> np.ndarray:
     return np.asarray((np.abs(speed) > motion.resolution) & (friction[starts] * np.sign(speed) > SLIDING * usual))
 
 
+def first_directions(axis: Axis, motion: Motion) -> np.ndarray:
+    """(s,) 1 or -1 for a stretch that starts sliding that way, 0 for one that does not."""
+    return np.sign(motion.velocity[motion.bounds[:-1]]) * start_sliding(axis, motion)
+
+
 def _slide(machine: compiled.Machine, motion: Motion, start: int, signals: np.ndarray) -> None:
     """Run steady motion at the stretch's first velocity up to its first position, long enough for any bristle to saturate."""
     velocity = motion.velocity[start]
@@ -110,9 +115,13 @@ class LuGreModel:
         self._travel = motion.travel
         self._bounds = motion.bounds
 
+    def as_lugre(self, values: np.ndarray) -> np.ndarray:
+        """LuGre's six parameters that this law's stand for."""
+        return values
+
     def _run(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
         out = np.empty((len(self._velocity), 8))
-        kernels.sensitivities(self._velocity, self._travel, self._bounds, values, initial, out)
+        kernels.sensitivities(self._velocity, self._travel, self._bounds, self.as_lugre(values), initial, out)
         return out
 
     def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
@@ -128,16 +137,13 @@ class LuGreModel:
 class DahlModel(LuGreModel):
     """Dahl with viscous friction is LuGre without Stribeck drop and bristle damping: coulomb, stiffness, viscous."""
 
-    def _as_lugre(self, values: np.ndarray) -> np.ndarray:
+    def as_lugre(self, values: np.ndarray) -> np.ndarray:
         return np.array([values[0], values[0], 1.0, values[1], 0.0, values[2]])
-
-    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
-        return super().torque(self._as_lugre(values), initial)
 
     def derivatives(
         self, values: np.ndarray, initial: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        torque, slopes, first = super().derivatives(self._as_lugre(values), initial)
+        torque, slopes, first = super().derivatives(values, initial)
         return torque, np.column_stack([slopes[:, 0] + slopes[:, 1], slopes[:, 3], slopes[:, 5]]), first
 
 

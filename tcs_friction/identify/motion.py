@@ -107,6 +107,8 @@ class Motion:
     sources: tuple[int, ...] = ()  # which recording each stretch is from
     notes: tuple[str, ...] = ()
     filtered: float = 0.0  # Hz, of the observer's filter that the torque has passed, its lag at low frequency taken out; 0: none
+    raw: np.ndarray | None = None  # (2, n) position and torque before the low pass; None where there was none
+    density: float = 0.0  # rad^2/Hz, one-sided, of the position's noise
 
     def __len__(self) -> int:
         return len(self.t)
@@ -213,13 +215,14 @@ def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None, d
     joined = {name: np.concatenate([columns[name] for _, columns in parts]) for name in parts[0][1]}
     bounds = np.concatenate([[0], np.cumsum([len(columns["t"]) for _, columns in parts])]).astype(np.int64)
     noise = np.sqrt(density * (2.0 * np.pi) ** 2 * chosen**3 / 3.0)
-    known = ("t", "position", "velocity", "acceleration", "torque")
+    known = ("t", "position", "velocity", "acceleration", "torque", "raw_position", "raw_torque")
     exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
     notes.append(f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz")
     return Motion(
         joined["t"], joined["position"], joined["velocity"], joined["acceleration"], joined["torque"],
         bounds, rate, chosen, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
-        tuple(k for k, _ in parts), tuple(notes),
+        tuple(k for k, _ in parts), tuple(notes), raw=np.vstack([joined["raw_position"], joined["raw_torque"]]),
+        density=density,
     )  # fmt: skip
 
 
@@ -289,6 +292,7 @@ def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> 
     for name in columns:
         if name not in ("t", "temperature"):
             result[name] = sosfiltfilt(sections, columns[name], padlen=padding)
+    result |= {"raw_position": columns["position"], "raw_torque": columns["torque"]}
     result["velocity"] = np.gradient(result["position"], 1.0 / rate)
     result["acceleration"] = np.gradient(result["velocity"], 1.0 / rate)
     return {name: values[edge : length - edge] for name, values in result.items()}
@@ -306,7 +310,7 @@ def coarse(motion: Motion, stride: int) -> tuple[np.ndarray, Motion]:
     exogenous = {name: values[index] for name, values in motion.exogenous.items()}
     rate = motion.rate / stride
     return index, replace(
-        motion, **columns, bounds=bounds, rate=rate, temperature=temperature, exogenous=exogenous
+        motion, **columns, bounds=bounds, rate=rate, temperature=temperature, exogenous=exogenous, raw=None
     )
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.models import AnyModel, Model, background, model_for
+from tcs_friction.identify.models import AnyModel, LuGreModel, Model, background, model_for
 from tcs_friction.identify.motion import SAMPLES_PER_CYCLE, Motion, coarse, low_pass, unsure_start
+from tcs_friction.identify.prediction import Fine
 from tcs_friction.physics.axis import Axis
 
 MOST_INITIAL_STATES = 16
@@ -91,6 +92,7 @@ class Problem:
     target: np.ndarray
     weights: np.ndarray
     acceleration: np.ndarray  # (m,)
+    fine: Fine | None = None  # where predictions can be made: a recording and a law with bristles
 
     @property
     def law_size(self) -> int:
@@ -148,13 +150,26 @@ def pose(axis: Axis, motion: Motion) -> Problem:
     """The problem of an axis (its law and effects believed) and a motion."""
     known = background(axis, motion)
     rotor = known.rotor - known.opposing
+    model = model_for(axis, motion)
+    fine = _fine(axis, motion, known.opposing) if isinstance(model, LuGreModel) else None
     if motion.bandwidth > 0.0:
         index, motion = coarse(motion, max(1, int(motion.rate / (SAMPLES_PER_CYCLE * motion.bandwidth))))
         rotor = rotor[index]
+        model = model_for(axis, motion)
     thin = thinning(motion)
-    model = model_for(axis, motion)
     weights = np.ones(len(thin.centres))
     if isinstance(model, AnyModel):
         weights[unsure_start(motion)[thin.centres]] = 0.0
     target, acceleration = thin.apply(np.column_stack([rotor, motion.acceleration])).T
-    return Problem(axis, motion, model, rotor, thin, target.copy(), weights, acceleration.copy())
+    return Problem(axis, motion, model, rotor, thin, target.copy(), weights, acceleration.copy(), fine)
+
+
+def _fine(axis: Axis, motion: Motion, opposing: np.ndarray) -> Fine | None:
+    """Position and torque at the rotor as logged, the torque without believed effects and without the believed delay."""
+    if motion.raw is None:
+        return None
+    position, torque = motion.raw
+    prompt = background(replace(axis, actuation_delay=0.0), replace(motion, torque=torque)).rotor
+    return Fine(
+        position, prompt - opposing, motion.bounds, 1.0 / motion.rate, motion.density, axis.actuation_delay
+    )

@@ -50,6 +50,10 @@ class Space:
         """The same space with some unknowns (p,) held."""
         return Space(self.lower, self.upper, self.logarithmic, self.free & ~held)
 
+    def first(self, count: int) -> Space:
+        """The space of the first so many unknowns."""
+        return Space(self.lower[:count], self.upper[:count], self.logarithmic[:count], self.free[:count])
+
 
 def robust_scale(residual: np.ndarray, weights: np.ndarray) -> float:
     """Standard deviation that a few outliers do not move."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcs_friction.identify.cost import scales, widest
+from tcs_friction.identify.models import first_directions
 from tcs_friction.identify.problem import MOST_INITIAL_STATES, Problem
 from tcs_friction.identify.refine import Space
 from tcs_friction.physics.terms import Role
@@ -14,10 +15,7 @@ def believed_start(problem: Problem) -> np.ndarray:
     """Unknowns (p,) as believed: the axis' values, no offset, stretches that start in motion with sliding friction."""
     values = problem.axis.friction.values
     law = [values[p.name] for p in problem.axis.friction.term.parameters]
-    motion = problem.motion
-    starting = motion.velocity[motion.bounds[:-1]]
-    level = values.get("coulomb", 0.0)
-    initial = np.where(np.abs(starting) > motion.resolution, np.sign(starting) * level, 0.0)
+    initial = first_directions(problem.axis, problem.motion) * values.get("coulomb", 0.0)
     return np.array([*law, problem.axis.inertia, 0.0, *initial])
 
 
@@ -26,11 +24,8 @@ def with_sliding_states(problem: Problem, unknowns: np.ndarray) -> np.ndarray:
     result = unknowns.copy()
     names = problem.names
     if "coulomb" in names:
-        starting = problem.motion.velocity[problem.motion.bounds[:-1]]
-        moving = np.abs(starting) > problem.motion.resolution
-        result[problem.law_size + 2 :] = np.where(
-            moving, np.sign(starting) * unknowns[names.index("coulomb")], 0.0
-        )
+        coulomb = unknowns[names.index("coulomb")]
+        result[problem.law_size + 2 :] = first_directions(problem.axis, problem.motion) * coulomb
     return result
 
 

@@ -1,0 +1,170 @@
+"""What a fit says: values with uncertainties, correlations, bounds, errors on data it saw and did not see, both directions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tcs_friction.identify.determined import Verdicts
+from tcs_friction.identify.prediction import NUISANCES, Sharpened
+from tcs_friction.identify.problem import Problem
+from tcs_friction.identify.refine import Refined, Space, refine
+from tcs_friction.identify.result import Errors, Estimate, Fit
+from tcs_friction.identify.uncertainty import block_bootstrap, correlations, cramer_rao, sandwich
+from tcs_friction.physics.terms import linear_unit
+
+LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
+UNCERTAINTIES = ("sandwich", "bootstrap")
+BOUND_LAGS = 60  # of the residual's autocovariance
+BOOTSTRAP_SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusions:
+    """A fit of torques, judged, and that of predictions that sharpened it, if one could be made."""
+
+    problem: Problem
+    verdicts: Verdicts
+    sharp: Sharpened | None
+    loss: str
+    uncertainty: str
+
+    @property
+    def refined(self) -> Refined:
+        """The fit, as residuals of torque."""
+        return self.verdicts.refined
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(p, p) of the unknowns, with zeros for what was held."""
+        covariance = _covariance(self.refined, self.verdicts.space.free, self.uncertainty)
+        if self.sharp is not None:
+            own = _covariance(self.sharp.fit, self.sharp.space.free, self.uncertainty)[
+                :-NUISANCES, :-NUISANCES
+            ]
+            covariance[: len(own), : len(own)] = own
+        return covariance
+
+    def estimate(self, k: int) -> Estimate:
+        """Unknown k of the problem."""
+        return _estimate(self.problem, self.verdicts, self.covariance, k)
+
+    def parameters(self) -> dict[str, Estimate]:
+        """Of the law, by name."""
+        return {name: self.estimate(k) for k, name in enumerate(self.problem.names[: self.problem.law_size])}
+
+    def directions(self) -> Mapping[str, Mapping[str, Estimate]]:
+        """The law fitted to each direction of motion on its own; inertia and offset are those of both together."""
+        return {
+            way: found
+            for way, sign in (("positive", 1.0), ("negative", -1.0))
+            if self.problem.motion.reverses and (found := self._one_way(sign))
+        }
+
+    def _one_way(self, sign: float) -> dict[str, Estimate]:
+        size, space = self.problem.law_size, self.verdicts.space
+        part = self.problem.masked(sign * self.problem.velocity > 0.0)
+        if np.count_nonzero(part.weights) < LEAST_ONE_WAY:
+            return {}
+        space = space.holding(np.arange(len(space.free)) >= size)
+        fitted = refit(part, self.refined.unknowns, space, self.loss, 20)
+        covariance = _covariance(fitted, space.free, self.uncertainty)
+        chosen = replace(self.verdicts, refined=fitted)
+        return {name: _estimate(part, chosen, covariance, k) for k, name in enumerate(part.names[:size])}
+
+    def errors(self, polished: bool) -> Errors:
+        """Residuals of a fit of torques that saw only the training samples; a search has seen all, and says so by both."""
+        training = training_mask(self.problem)
+        residual = self.refined.residual
+        if polished:
+            part = self.problem.masked(training)
+            residual = refit(part, self.refined.unknowns, self.verdicts.space, self.loss, 8).residual
+        counted = self.problem.weights > 0.0
+        return Errors(rms(residual[training & counted]), rms(residual[~training & counted]))
+
+    def fit(self) -> Fit:
+        """For pictures."""
+        problem, refined = self.problem, self.refined
+        inertia, offset = refined.unknowns[problem.inertia_index], refined.unknowns[problem.offset_index]
+        rest = inertia * problem.acceleration + offset
+        modelled = problem.target - refined.residual
+        bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
+        return Fit(
+            problem.times, problem.velocity, problem.target, modelled,
+            problem.target - rest, modelled - rest, bounds,
+        )  # fmt: skip
+
+    def correlation(self) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names and correlations (p, p) of the free unknowns without initial bristle torques."""
+        index = [k for k in np.flatnonzero(self.verdicts.space.free) if k < self.problem.law_size + 2]
+        names = tuple(self.problem.names[k] for k in index)
+        return names, correlations(self.covariance[np.ix_(index, index)])
+
+    def bounds(self) -> dict[str, float]:
+        """Cramer-Rao bounds for Gaussian errors with the residual's own autocovariance, or that of the errors of prediction."""
+        fit, space = (
+            (self.refined, self.verdicts.space) if self.sharp is None else (self.sharp.fit, self.sharp.space)
+        )
+        counted, index = fit.weights > 0.0, np.flatnonzero(space.free)
+        residual = fit.residual[counted]
+        if not len(residual) or not residual.any():
+            return {}
+        centred = residual - residual.mean()
+        lags = min(len(centred) // 4, BOUND_LAGS) if self.sharp is None else 1
+        noise = np.array([float(centred[k:] @ centred[: len(centred) - k]) for k in range(lags)]) / len(
+            centred
+        )
+        taper = 0.5 + 0.5 * np.cos(np.pi * np.arange(lags) / lags)
+        covariance = cramer_rao(fit.jacobian[np.ix_(counted, index)], noise * taper)
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        kept, names = self.problem.law_size + 2, self.problem.names
+        return {names[k]: float(std) for k, std in zip(index, deviation, strict=True) if k < kept}
+
+
+def refit(problem: Problem, unknowns: np.ndarray, space: Space, loss: str, iterations: int) -> Refined:
+    """Refine a few steps on those samples that count."""
+    return refine(
+        problem.linearised, problem.torque, problem.target, problem.weights, unknowns, space, loss, iterations
+    )
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square; NaN of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def training_mask(problem: Problem) -> np.ndarray:
+    """(m,) True for samples that train: all recordings but the last, or, with one, eight of ten blocks of it."""
+    motion, centres = problem.motion, problem.thin.centres
+    owner = np.asarray(motion.sources)[np.searchsorted(motion.bounds, centres, side="right") - 1]
+    if len(set(motion.sources)) > 1:
+        return np.asarray(owner != max(motion.sources))
+    block = np.arange(len(centres)) * 10 // len(centres)
+    return np.asarray(~np.isin(block, (3, 7)))
+
+
+def _covariance(refined: Refined, free: np.ndarray, uncertainty: str) -> np.ndarray:
+    index = np.flatnonzero(free)
+    result = np.zeros((len(free), len(free)))
+    jacobian = refined.jacobian[:, index]
+    result[np.ix_(index, index)] = (
+        sandwich(jacobian, refined.residual, refined.weights)
+        if uncertainty == "sandwich"
+        else block_bootstrap(jacobian, refined.residual, refined.weights, BOOTSTRAP_SEED)
+    )
+    return result
+
+
+def _unit(problem: Problem, k: int) -> str:
+    declared = [p.unit for p in problem.axis.friction.term.parameters]
+    rotary = [*declared, "kg m^2", "N m"][k]
+    return rotary if problem.axis.kind == "rotary" else linear_unit(rotary)
+
+
+def _estimate(problem: Problem, verdicts: Verdicts, covariance: np.ndarray, k: int) -> Estimate:
+    reason = verdicts.reasons.get(k)
+    std = float(np.sqrt(max(covariance[k, k], 0.0)))
+    return Estimate(float(verdicts.refined.unknowns[k]), std, _unit(problem, k), reason is None, reason)

@@ -1,0 +1,155 @@
+"""Compiled loop of a Kalman filter about an axis with LuGre friction: how well each next position is predicted.
+
+State: position x, velocity v, bristle deflection z and an acceleration w by disturbances, which is first-order noise. A step is
+that of the midpoint rule under the torque held over it; covariances follow the motion linearised at the midpoint (extended
+Kalman filter, Jazwinski 1970). Each stretch starts with velocity, bristle and disturbance unknown. Candidates go side by side
+in lanes, as in `kernels`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+
+from tcs_friction.identify.kernels import FAST, falling_exponential
+
+LANES = 16
+SIZE = 12  # of a candidate
+ROWS = 14  # of the state and its covariance
+
+
+@njit(inline="always")
+def bristle_rate(v: Any, z: Any, coulomb: Any, drop: Any, bell: Any, stiffness: Any) -> Any:
+    """dz/dt of eq. 2 with its derivatives by v and z; bell is -1 / stribeck_velocity^2."""
+    fallen = drop * falling_exponential(v * v * bell)
+    pull = stiffness / (coulomb + fallen)
+    slope = 2.0 * fallen * v * bell * pull / stiffness
+    by_velocity = 1.0 - pull * z * (math.copysign(1.0, v) - abs(v) * slope)
+    return v - pull * abs(v) * z, by_velocity, -pull * abs(v)
+
+
+@njit(inline="always")
+def held(impulse: Any, torque: Any, at: Any, first: Any, dt: Any) -> Any:
+    """Integral (N m s) of the held torque up to sample `at`, a fraction; torque[k] acts from sample k - 1 to k.
+
+    Before the stretch's first sample the torque is taken to have been that of the first.
+    """
+    if at < first:
+        return impulse[first] + dt * (at - first) * torque[first]
+    inside = min(at, len(impulse) - 1.0)
+    before = min(int(inside), len(impulse) - 2)
+    return impulse[before] + dt * (inside - before) * torque[before + 1]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True, nogil=True)
+def predict(
+    position: Any,
+    torque: Any,
+    impulse: Any,
+    bounds: Any,
+    dt: float,
+    candidates: Any,
+    errors: Any,
+    variances: Any,
+) -> None:
+    """One-step errors of prediction and their variances for each candidate.
+
+    position (n,) rad, torque (n,) N m as logged, impulse (n,) N m s its integral up to each sample, bounds (s + 1,) of the
+    stretches, dt s, candidates (m, SIZE): LuGre's six as in `physics.friction.lugre`, inertia, offset N m, delay s, rate 1/s
+    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms. Out (m, n): errors in rad, variances in rad^2.
+    """
+    L = LANES
+    count = candidates.shape[0]
+    for block in prange((count + L - 1) // L):
+        c, s = np.empty((SIZE + 3, L)), np.zeros((ROWS, L))
+        push, passed = np.zeros(L), np.zeros(L)
+        for j in range(L):
+            p = candidates[min(block * L + j, count - 1)]
+            for k in range(SIZE):
+                c[k, j] = p[k]
+            c[1, j], c[2, j], c[6, j] = p[1] - p[0], -1.0 / (p[2] * p[2]), 1.0 / p[6]
+            c[8, j], c[9, j], c[11, j] = p[8] / dt, math.exp(-p[9] * dt), p[11] * p[11]
+            c[10, j] = p[10] * p[10] * (1.0 - c[9, j] * c[9, j])
+            c[12, j], c[13, j] = p[10] * p[10], (p[1] / p[3]) ** 2
+        used = min(L, count - block * L)
+        for part in range(len(bounds) - 1):
+            first, last = bounds[part], bounds[part + 1]
+            for j in range(L):
+                for k in range(ROWS):
+                    s[k, j] = 0.0
+                v, noise = (position[first + 1] - position[first]) / dt, c[11, j]
+                s[0, j], s[1, j], s[4, j] = position[first], v, noise
+                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (dt * dt) + v * v, c[13, j], c[12, j]
+                passed[j] = held(impulse, torque, first - c[8, j], first, dt)
+            for i in range(first, last):
+                for j in range(used):
+                    errors[block * L + j, i] = position[i] - s[0, j]
+                    variances[block * L + j, i] = s[4, j] + c[11, j]
+                for j in range(L):
+                    until = held(impulse, torque, i + 1.0 - c[8, j], first, dt)
+                    push[j], passed[j] = (until - passed[j]) / dt - c[7, j], until
+                _update(s, c, position[i])
+                _advance(s, c, push, dt)
+
+
+@njit(inline="always")
+def _update(s: Any, c: Any, measured: float) -> None:
+    """Take a measured position (rad) into states and covariances of all lanes."""
+    for j in range(LANES):
+        xx, xv, xz, xw = s[4, j], s[5, j], s[6, j], s[7, j]
+        part = 1.0 / (xx + c[11, j])
+        error = measured - s[0, j]
+        gx, gv, gz, gw = xx * part, xv * part, xz * part, xw * part
+        s[0, j] += gx * error
+        s[1, j] += gv * error
+        s[2, j] += gz * error
+        s[3, j] += gw * error
+        s[4, j], s[5, j], s[6, j], s[7, j] = xx - gx * xx, xv - gx * xv, xz - gx * xz, xw - gx * xw
+        s[8, j] -= gv * xv
+        s[9, j] -= gv * xz
+        s[10, j] -= gv * xw
+        s[11, j] -= gz * xz
+        s[12, j] -= gz * xw
+        s[13, j] -= gw * xw
+
+
+@njit(inline="always")
+def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
+    """One step of all lanes under the torque `push` (N m): x' = T x, P' = T P T^T + Q with rows xx xv xz xw vv vz vw zz zw ww."""
+    half = 0.5 * dt * dt
+    for j in range(LANES):
+        coulomb, drop, bell, stiffness, damping, viscous, lightness = (
+            c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j], c[6, j])  # fmt: skip
+        keep, power = c[9, j], c[10, j]
+        middle = 0.5 * (1.0 + keep)
+        v, z, w = s[1, j], s[2, j], s[3, j]
+        flow, _, _ = bristle_rate(v, z, coulomb, drop, bell, stiffness)
+        a = (push[j] - stiffness * z - damping * flow - viscous * v) * lightness + w
+        vm, zm = v + 0.5 * dt * a, z + 0.5 * dt * flow
+        flow, zv, z2 = bristle_rate(vm, zm, coulomb, drop, bell, stiffness)
+        a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w
+        s[0, j] += dt * v + half * a
+        s[1, j] = v + dt * a
+        s[2, j] = z + dt * flow
+        s[3, j] = w * keep
+
+        av, az = -(viscous + damping * zv) * lightness, -(stiffness + damping * z2) * lightness
+        x1, x2, x3 = dt + half * av, half * az, half
+        v1, v2, v3 = 1.0 + dt * av + half * (av * av + az * zv), dt * az + half * az * (av + z2), x1 * middle
+        z1, z2, z3 = dt * zv + half * zv * (av + z2), 1.0 + dt * z2 + half * (zv * az + z2 * z2), half * zv
+        xx, xv, xz, xw, vv = s[4, j], s[5, j], s[6, j], s[7, j], s[8, j]
+        vz, vw, zz, zw, ww = s[9, j], s[10, j], s[11, j], s[12, j], s[13, j]
+        tv = xv + x1 * vv + x2 * vz + x3 * vw
+        tz = xz + x1 * vz + x2 * zz + x3 * zw
+        tw = xw + x1 * vw + x2 * zw + x3 * ww
+        uv, uz, uw = v1 * vv + v2 * vz + v3 * vw, v1 * vz + v2 * zz + v3 * zw, v1 * vw + v2 * zw + v3 * ww
+        sv, sz, sw = z1 * vv + z2 * vz + z3 * vw, z1 * vz + z2 * zz + z3 * zw, z1 * vw + z2 * zw + z3 * ww
+        s[4, j] = xx + x1 * xv + x2 * xz + x3 * xw + x1 * tv + x2 * tz + x3 * tw
+        s[5, j], s[6, j] = v1 * tv + v2 * tz + v3 * tw, z1 * tv + z2 * tz + z3 * tw
+        s[7, j], s[10, j], s[12, j] = keep * tw, keep * uw + 0.5 * power * dt, keep * sw
+        s[8, j] = v1 * uv + v2 * uz + v3 * uw + power * dt * dt / 3.0
+        s[9, j], s[11, j] = z1 * uv + z2 * uz + z3 * uw, z1 * sv + z2 * sz + z3 * sw
+        s[13, j] = keep * keep * ww + power

@@ -1,0 +1,149 @@
+"""The Kalman filter against a slow one, and what predictions find that torques cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify_cases import INERTIA, LUGRE, axis_of
+
+from benchmarks import accuracy
+from tcs_friction.control.loop import LoopRun
+from tcs_friction.identify import identification
+from tcs_friction.identify.identification import identify
+from tcs_friction.identify.prediction import Fine
+from tcs_friction.identify.prediction_kernel import LANES, predict
+from tcs_friction.recording.recording import Recording
+
+DT = 1e-3
+CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 0.4 * DT, 60.0, 2e-4, 5e-8])
+
+
+@pytest.fixture(scope="module")
+def run() -> LoopRun:
+    """A closed loop on an axis drawn at random."""
+    return accuracy.run_axis(accuracy.draw(np.random.default_rng(5)), 3, 30.0)
+
+
+def slope(state: np.ndarray, push: float, p: np.ndarray) -> np.ndarray:
+    """Rates of position, velocity and deflection."""
+    _, v, z, w = state
+    coulomb, static, stribeck, stiffness, damping, viscous, inertia = p[:7]
+    level = coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2))
+    flow = v - stiffness * abs(v) / level * z
+    return np.array([v, (push - stiffness * z - damping * flow - viscous * v) / inertia + w, flow])
+
+
+def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same filter with matrices and numerical derivatives, one sample at a time."""
+    offset, delay, rate, size, encoder = p[7:]
+    keep = np.exp(-rate * DT)
+    power = size**2 * (1.0 - keep**2)
+    noise = power * np.array(
+        [[0, 0, 0, 0], [0, DT**2 / 3, 0, DT / 2], [0, 0, 0, 0], [0, DT / 2, 0, 1]]
+    )  # fmt: skip
+    state = np.array([position[0], (position[1] - position[0]) / DT, 0.0, 0.0])
+    spread = np.diag([encoder**2, 2 * (encoder / DT) ** 2 + state[1] ** 2, (p[1] / p[3]) ** 2, size**2])
+    errors, variances = [], []
+    for k in range(len(position)):
+        total = spread[0, 0] + encoder**2
+        errors.append(position[k] - state[0])
+        variances.append(total)
+        gain = spread[:, 0] / total
+        state = state + gain * errors[-1]
+        spread = spread - np.outer(gain, spread[0])
+        share = delay / DT  # of the step in which the torque before still acts
+        after = torque[min(k + 1, len(torque) - 1)]
+        push = (1.0 - share) * after + share * torque[k] - offset
+
+        def step(x: np.ndarray, push: float = push) -> np.ndarray:
+            middle = x.copy()
+            first = slope(x, push, p)
+            middle[1:3] += 0.5 * DT * first[1:]
+            middle[3] *= 0.5 * (1.0 + keep)
+            rates = slope(middle, push, p)
+            return np.array(
+                [
+                    x[0] + DT * x[1] + 0.5 * DT**2 * rates[1],
+                    x[1] + DT * rates[1],
+                    x[2] + DT * rates[2],
+                    x[3] * keep,
+                ]
+            )
+
+        scale = np.array([1e-8, 1e-9, 1e-9, 1e-8])
+        turn = np.column_stack([(step(state + d) - step(state - d)) / (2 * d.sum()) for d in np.diag(scale)])
+        state = step(state)
+        spread = turn @ spread @ turn.T + noise
+    return np.array(errors), np.array(variances)
+
+
+def test_lanes_equal_a_slow_filter(run: LoopRun) -> None:
+    position, torque = run.position[2000:2400] - run.position[2000], run.torque[2000:2400].copy()
+    candidates = np.tile(CANDIDATE, (LANES + 1, 1))
+    candidates[:, 3] *= np.linspace(0.8, 1.2, LANES + 1)
+    errors, variances = np.empty((LANES + 1, 400)), np.empty((LANES + 1, 400))
+    predict(position, torque, np.cumsum(torque) * DT, np.array([0, 400]), DT, candidates, errors, variances)
+    for k in (0, LANES):
+        expected, spread = slow(position, torque, candidates[k])
+        assert variances[k, 5:] == pytest.approx(spread[5:], rel=1e-2)
+        assert errors[k, 5:] == pytest.approx(expected[5:], rel=1e-2, abs=0.02 * np.sqrt(spread[-1]))
+
+
+def test_each_stretch_starts_afresh(run: LoopRun) -> None:
+    position, torque = run.position[1000:2000] - run.position[1000], run.torque[1000:2000].copy()
+    impulse = np.cumsum(torque) * DT
+    both, second = np.empty((2, 1, 1000)), np.empty((2, 1, 500))
+    predict(position, torque, impulse, np.array([0, 500, 1000]), DT, CANDIDATE[None], *both)
+    predict(
+        position[500:].copy(), torque[500:].copy(), np.cumsum(torque[500:]) * DT, np.array([0, 500]), DT,
+        CANDIDATE[None], *second,
+    )  # fmt: skip
+    assert both[0, 0, 502:] == pytest.approx(second[0, 0, 2:], abs=1e-11)
+    assert both[1, 0, 502:] == pytest.approx(second[1, 0, 2:], rel=1e-6)
+
+
+def test_intervals_hold_and_errors_stay_at_the_bound() -> None:
+    """Three axes of `./tcs bench accuracy`; loose limits, since 21 numbers scatter."""
+    found, _ = accuracy.trials(3, 1, 60.0)
+    every = np.vstack(list(found.values()))
+    assert len(every) == 21
+    assert accuracy.coverage(every) >= 0.8
+    assert accuracy.over_bound(every) < 1.8
+    for name, limit in (("coulomb", 0.005), ("static", 0.005), ("stiffness", 0.03)):
+        assert np.abs(found[name][:, 0] / found[name][:, 3]).max() < limit
+
+
+def test_a_late_log_is_found_and_does_no_harm() -> None:
+    random = np.random.default_rng(9)
+    axis = accuracy.draw(random)
+    run = accuracy.run_axis(axis, 2, 48.0)
+    late = 7
+    record = Recording(run.t[late:], run.position[late:], run.torque[late:])
+    early = Recording(run.t[late:], run.position[late:] * 1.0, np.roll(run.torque, -late)[late:])
+    believed = accuracy.believed(axis, random)
+    plain, shifted = identify([record], believed), identify([early], replace(believed, actuation_delay=5e-3))
+    note = next(line for line in shifted.notes if "ms after its stamp" in line)
+    assert float(note.split("acts ")[1].split(" ms")[0]) == pytest.approx(7.0, abs=0.5)
+    assert shifted.inertia.value == pytest.approx(plain.inertia.value, abs=2.0 * plain.inertia.std)
+
+
+def test_predictions_that_contradict_the_torques_are_dropped(
+    run: LoopRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(identification, "WORSE", 0.0)
+    found = identify([Recording(run.t, run.position, run.torque)], axis_of())
+    assert identification.CONTRADICTED in found.notes
+    assert found.rmse.train < 0.5
+
+
+def test_a_long_recording_is_predicted_in_windows() -> None:
+    fine = Fine(np.arange(1000.0), np.arange(1000.0), np.array([0, 400, 1000]), DT, 0.0, 0.0)
+    part = fine.windows(500, 100)
+    assert len(part.position) == part.bounds[-1] <= 600
+    assert (np.diff(part.bounds) == 100).all()
+    starts = part.position[part.bounds[:-1]]
+    assert starts[0] == 0.0
+    assert 400.0 in starts
+    assert fine.windows(1000, 100) is fine
