@@ -12,5 +12,6 @@ BENCHMARKS = {
     "cost": "the identification's cost, beside NumPy",
     "accuracy": "identified parameters, beside truth and Cramer-Rao bound",
     "identify": "optimisers on the same cost",
+    "hardware": "every friction law on every recording of real hardware",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }
