@@ -13,7 +13,7 @@ import json
 from pathlib import Path
 
 from tcs_friction.config import load_axis, write_whole
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, JobError
 from tcs_friction.identify.plant_response import (
     PERIODS,
     SEGMENTS,
@@ -25,7 +25,7 @@ from tcs_friction.identify.plant_response import (
 )
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
-from tcs_friction.report.response import sentence, write_report
+from tcs_friction.report.response import explained, sentence, write_report
 
 HIGHEST_SHARE = 0.1  # of the sample rate, by default
 NO_REFERENCE = (
@@ -73,11 +73,11 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(str(arguments.output), reason, "a directory to write to") from None
     sources = [recording.source for recording in recordings]
     path = write_report(arguments.output, measured, models, file.axis.kind, sources, notes)
-    if arguments.json:
-        print(text)
-        return
-    for line in (sentence(models, file.axis.kind), *map(_line, models), *notes, str(path)):
-        print(line)
+    shown = [sentence(models, file.axis.kind), *map(_line, models), *notes, str(path)]
+    print(text if arguments.json else "\n".join(shown))
+    if not explained(models):
+        found = f"neither model fits, misfit {100 * min(model.misfit for model in models):.0f} %"
+        raise JobError(sources[0], found, "a run that excites the axis and does not reverse it")
 
 
 def frequencies(

@@ -88,7 +88,7 @@ def _base(columns: TopicColumns, position: SignalSource, source: str, told: list
 def _has_headers(columns: TopicColumns, told: list[str]) -> bool:
     if columns.stamps is None or not len(columns):
         return False
-    empty = int(np.count_nonzero(columns.stamps <= 0))
+    empty = clock.empty_stamps(columns.stamps)
     if empty:
         told.append(f"{columns.topic}: {empty} of {len(columns)} header stamps are empty, log times used")
     return not empty

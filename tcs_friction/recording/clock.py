@@ -40,6 +40,14 @@ class Timeline:
     notes: tuple[str, ...]
 
 
+def empty_stamps(stamps: Nanoseconds) -> int:
+    """How many stamps of a topic were never set. A simulated clock begins at 0: there 0 is a time, for others follow close."""
+    empty = int(np.count_nonzero(stamps <= 0))
+    if not empty or empty == len(stamps) or stamps.min() < 0:
+        return empty
+    return 0 if stamps[stamps > 0].min() < JUMP else empty
+
+
 def timeline(stamps: Nanoseconds, log_times: Nanoseconds) -> Timeline:
     """Put rows in order: drop stray and duplicate stamps, sort late ones, carry on over clocks set back.
 

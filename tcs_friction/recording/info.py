@@ -115,10 +115,11 @@ def _topic_info(topic: _Topic, log_times: Nanoseconds) -> TopicInfo:
         findings.append(f"{topic.spoilt} messages do not fit their type")
     stamps = topic.stamps.joined()
     times, source, latency = log_times, "log", None
-    if len(stamps) and (stamps > 0).all():
+    empty = clock.empty_stamps(stamps)
+    if len(stamps) and not empty:
         times, source, latency = stamps, "header", float(np.median(log_times - stamps)) * SECOND
-    elif len(stamps):
-        findings.append(f"{np.count_nonzero(stamps <= 0)} header stamps are empty")
+    elif empty:
+        findings.append(f"{empty} header stamps are empty")
     line = clock.timeline(times, log_times)
     findings.extend(line.notes)
     steps = np.diff(line.times)

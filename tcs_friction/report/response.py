@@ -26,6 +26,7 @@ from tcs_friction.report.numbers import with_error
 
 NAMES = {SECOND_ORDER: "eq. 10's form", TWO_INERTIAS: "two inertias"}
 CLEARLY = 0.7  # of the other form's misfit, for a resonance to be believed
+POOR = 0.5  # misfit beyond which a model says nothing
 
 
 def write_report(
@@ -70,10 +71,17 @@ def resonant(models: Sequence[PlantModel]) -> PlantModel | None:
     return coupled if known and coupled.misfit < CLEARLY * plain.misfit else None
 
 
+def explained(models: Sequence[PlantModel]) -> bool:
+    """Whether one of the models fits at all."""
+    return min(model.misfit for model in models) < POOR
+
+
 def sentence(models: Sequence[PlantModel], kind: str) -> str:
     """What a control engineer would say of the result."""
     unit = "kg m²" if kind == "rotary" else "kg"
     coupled, plain = resonant(models), models[0]
+    if not explained(models):
+        return "Neither model explains the response: was the axis excited, on top of a motion without reversals?"
     if coupled is None:
         shown = with_error(plain.parameters["first"], plain.std["first"])
         return f"Torque meets an inertia of {shown} {unit}; no resonance shows in the range that was excited."

@@ -55,6 +55,24 @@ def test_from_bag_to_files(bag: Path, axis: Path, tmp_path: Path, capsys: pytest
     assert (tmp_path / "out" / "report.html").is_file()
 
 
+def test_a_run_that_tells_nothing_ends_with_status_1(
+    axis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Speed and torque go together, but as in no plant: the torque is the speed's third derivative."""
+    random = np.random.default_rng(1)
+    speed = np.convolve(random.standard_normal(15_000), np.ones(4), "same")
+    times = EPOCH + np.arange(len(speed)) * 2_000_000
+    joint = {"position": np.cumsum(speed) * 2e-3, "effort": np.gradient(np.gradient(np.gradient(speed)))}
+    write_bag(tmp_path / "bag", [joint_states("/azimuth/joint_states", times, {"azimuth": joint})])
+    words = ["response", str(tmp_path / "bag"), "--axis", str(axis), "-o", str(tmp_path / "out"), "--lowest", "2"]
+    assert main(words) == 1
+    captured = capsys.readouterr()
+    assert "Neither model explains" in captured.out
+    assert captured.err.count("\n") == 1
+    assert "neither model fits" in captured.err
+    assert (tmp_path / "out" / "response.json").is_file()
+
+
 def test_errors_are_one_line(bag: Path, axis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bare = tmp_path / "bare.yaml"
     save_axis(bare, replace(load_axis(axis), signals=None))

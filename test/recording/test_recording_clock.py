@@ -84,3 +84,13 @@ def test_whatever_the_stamps_time_rises_and_no_row_comes_twice(stamps: list[int]
     assert np.all(np.diff(line.times) > 0)
     assert len(set(line.rows.tolist())) == len(line.rows) == len(line.times)
     assert np.all(np.diff(line.times) > 0) or len(line.times) < 2
+
+
+def test_a_simulated_clock_begins_at_0() -> None:
+    simulated = np.arange(200, dtype=np.int64) * MS
+    assert clock.empty_stamps(simulated) == 0
+    assert clock.empty_stamps(np.concatenate(([0, 0], simulated))) == 0, "said again while nobody answers"
+    assert clock.empty_stamps(np.concatenate(([0], REGULAR))) == 1
+    assert clock.empty_stamps(np.zeros(5, dtype=np.int64)) == 5
+    assert clock.empty_stamps(simulated - MS) == 2
+    assert clock.empty_stamps(REGULAR) == 0
