@@ -268,6 +268,11 @@ class LuGreCost:
         self.box = Box(tuple(names), np.array(lower), np.array(upper), np.array(logarithmic))
         self._columns = [problem.names.index(name) for name in names]
 
+    @property
+    def points(self) -> int:
+        """How many are compared."""
+        return len(self._points.target)
+
     def costs(self, candidates: np.ndarray) -> np.ndarray:
         """Eq. 5 for candidates (m, 8): law parameters, inertia, offset."""
         p, out = self._points, np.empty(len(candidates))

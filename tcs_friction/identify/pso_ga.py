@@ -3,7 +3,9 @@
 Steps 1 to 14 and equations 5 to 8 and 12 to 15 of the paper (sections 3.2 and 5.3), with the errata of
 docs/paper-errata.md: positions and velocities live in the normalised search box, so that one velocity limit serves
 parameters of all sizes; step 10 reads `if K > G_GA`; the roulette wheel gives equal chances when all costs are equal.
-A swarm hands on where its particles were best. PSO and GA alone are the same pieces.
+A swarm hands on where its particles were best. What velocity a particle has when the next swarm begins, the paper leaves
+open: those of generation II1 fly on at the size of their own spread, those that the GA made set out like new ones. If all set
+out like new ones, every swarm forgets how near the one before had come. PSO and GA alone are the same pieces.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ class SwarmOptions:
     """Settings of PSO-GA; the names in brackets are the paper's."""
 
     population: int = 60  # [N_PSO-GA]
-    generations: int = 4  # [G_max] of the whole loop
-    swarm_generations: int = 60  # [G_PSO] within each
-    genetic_generations: int = 30  # [G_GA] within each
+    generations: int = 18  # [G_max] of the whole loop
+    swarm_generations: int = 15  # [G_PSO] within each
+    genetic_generations: int = 5  # [G_GA] within each
     local_factor: float = 1.3  # [c_1]
     global_factor: float = 1.75  # [c_2]
     greatest_weight: float = 0.9  # [W_max] inertia weight, eq. 12
@@ -217,12 +219,13 @@ def search(
     position = random.random((options.population, dimensions))  # step 1
     if start is not None:
         position[: len(start)] = np.clip(start, 0.0, 1.0)
-    costs = state.evaluate(position)  # step 2
+    costs, survivors = state.evaluate(position), 0  # step 2
     for _ in range(options.generations):  # steps 3, 4 and 13
-        position, costs = _swarm(state, position, costs)  # steps 5 to 7
+        velocity = starting_velocity(position, survivors, options, random)
+        position, costs = _swarm(state, position, costs, velocity)  # steps 5 to 7
         if state.outcome is not None:
             break
-        position, costs = _evolve_worse(state, position, costs)  # steps 8 to 12
+        position, costs, survivors = _evolve_worse(state, position, costs)  # steps 8 to 12
         if state.outcome is not None:
             break
     outcome = state.outcome or Outcome.BUDGET_SPENT
@@ -231,10 +234,22 @@ def search(
     )  # step 14
 
 
-def _swarm(state: _Search, position: np.ndarray, costs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def starting_velocity(
+    position: np.ndarray, survivors: int, options: SwarmOptions, random: np.random.Generator
+) -> np.ndarray:
+    """(m, d): half the way from one survivor to another for the first so many particles, at random for the rest."""
+    velocity = options.velocity_limit * random.uniform(-1.0, 1.0, position.shape)
+    from_one, to_other = random.permutation(survivors), random.permutation(survivors)
+    apart = 0.5 * (position[to_other] - position[from_one])
+    velocity[:survivors] = np.clip(apart, -options.velocity_limit, options.velocity_limit)
+    return velocity
+
+
+def _swarm(
+    state: _Search, position: np.ndarray, costs: np.ndarray, velocity: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Steps 5 to 7: G_PSO generations of the particle swarm. The particles end where each was best."""
     options, random = state.options, state.random
-    velocity = options.velocity_limit * random.uniform(-1.0, 1.0, position.shape)
     own_best, own_cost = position.copy(), costs.copy()
     for iteration in range(1, options.swarm_generations + 1):
         weight = inertia_weight(options, iteration)
@@ -247,8 +262,13 @@ def _swarm(state: _Search, position: np.ndarray, costs: np.ndarray) -> tuple[np.
     return own_best, own_cost
 
 
-def _evolve_worse(state: _Search, position: np.ndarray, costs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Steps 8 to 12: the particles below mean fitness are evolved for G_GA generations and join the better ones."""
+def _evolve_worse(
+    state: _Search, position: np.ndarray, costs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Steps 8 to 12: the particles below mean fitness are evolved for G_GA generations and join the better ones.
+
+    Returns positions and costs, the better ones first, and how many these are.
+    """
     options, random = state.options, state.random
     better, worse = split(costs)  # step 8: generation II1, and the GA's population
     if options.swarm_generations == 0:
@@ -257,7 +277,7 @@ def _evolve_worse(state: _Search, position: np.ndarray, costs: np.ndarray) -> tu
             np.setdiff1d(np.arange(len(costs)), better[:1]),
         )  # GA alone keeps its elite
     if len(worse) < 2 or options.genetic_generations == 0:
-        return position, costs
+        return position, costs, len(costs)
     evolving, evolving_costs = position[worse], costs[worse]
     for _ in range(options.genetic_generations):  # step 10
         fittest_last = np.argsort(-evolving_costs, kind="stable")
@@ -269,7 +289,8 @@ def _evolve_worse(state: _Search, position: np.ndarray, costs: np.ndarray) -> tu
         evolving, evolving_costs = pool[survivors], pool_costs[survivors]
         if state.generation_done():
             break
-    return np.vstack([position[better], evolving]), np.concatenate([costs[better], evolving_costs])  # step 12
+    joined = np.vstack([position[better], evolving])  # step 12
+    return joined, np.concatenate([costs[better], evolving_costs]), len(better)
 
 
 def _mated(parents: np.ndarray, options: SwarmOptions, random: np.random.Generator) -> np.ndarray:

@@ -208,3 +208,24 @@ def test_termination_during_the_set_up_ends_the_child_and_leaves_no_record(check
     with pytest.raises(ProcessLookupError):
         os.kill(int(pid_file.read_text()), 0)
     assert not (checkout / ".tcs/environment.json").exists()
+
+
+def test_optimisers_to_compare_with_are_pinned_and_installed_once(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = load(checkout / "tcs")
+    pinned = {line.partition("==")[0] for line in module.constraints().splitlines()}
+    wanted = (checkout / "requirements/bench.txt").read_text().splitlines()
+    assert {line for line in wanted if not line.startswith("#")} <= pinned
+    calls: list[str] = []
+
+    def offline(_: int, title: str, *__: object) -> None:
+        calls.append(title)
+        raise module.SetupError("no network")
+
+    monkeypatch.setattr(module, "run_stage", offline)
+    module.install_peers()
+    assert "no network; going on without" in capsys.readouterr().err
+    (checkout / ".tcs/venv/peers.stamp").write_text(module.packages_fingerprint())
+    module.install_peers()
+    assert len(calls) == 1

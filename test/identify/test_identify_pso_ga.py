@@ -189,3 +189,12 @@ def test_the_paper_preset_is_section_5_3() -> None:
         0.9,
         1.0,
     )
+
+
+def test_survivors_fly_on_at_the_size_of_their_spread() -> None:
+    random, options = np.random.default_rng(0), SwarmOptions(velocity_limit=0.1)
+    position = np.vstack([0.5 + 0.004 * random.random((30, 3)), random.random((30, 3))])
+    velocity = pso_ga.starting_velocity(position, 30, options, random)
+    assert 0.0 < np.abs(velocity[:30]).max() <= 0.002
+    assert 0.05 < np.abs(velocity[30:]).max() <= 0.1
+    assert np.abs(pso_ga.starting_velocity(position, 0, options, random)[:30]).max() > 0.05

@@ -34,7 +34,7 @@ from tcs_friction.report.runs import DEGREE
 METHODS = ("pso-ga", "pso", "default")
 NAMES = {"pso-ga": "PSO-GA", "pso": "PSO", "ga": "GA", "default": "swarm, then Levenberg-Marquardt"}
 SEEDS = 9
-SWARM = SwarmOptions(population=60, generations=12, swarm_generations=20, genetic_generations=10)
+SWARM = SwarmOptions()
 
 
 @dataclass(frozen=True)
