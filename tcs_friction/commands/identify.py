@@ -15,6 +15,7 @@ from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.identify.comparison import Comparison, compare_laws
+from tcs_friction.identify.conclusions import UNCERTAINTIES
 from tcs_friction.identify.identification import METHODS, IdentifyOptions, identified_axis, identify
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
@@ -49,6 +50,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bandwidth", type=float, metavar="HZ", help="of the low pass; by default from the position's noise"
     )
+    parser.add_argument(
+        "--uncertainty", choices=UNCERTAINTIES, default="sandwich",
+        help="bootstrap: standard errors from resampled blocks of the residual",
+    )  # fmt: skip
+    parser.add_argument(
+        "--profile",
+        action="store_true",
+        help="add the profile likelihood of each parameter (takes seconds each)",
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
@@ -62,6 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         offset=not arguments.no_offset,
         loss=arguments.loss,
         bandwidth=arguments.bandwidth,
+        uncertainty=arguments.uncertainty,
+        profile=arguments.profile,
     )
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")

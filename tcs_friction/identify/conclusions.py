@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tcs_friction.identify.determined import Verdicts
-from tcs_friction.identify.prediction import NUISANCES, Sharpened
+from tcs_friction.identify.prediction import NUISANCES, Predictor, Sharpened
 from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Errors, Estimate, Fit
@@ -36,6 +36,18 @@ class Conclusions:
     def refined(self) -> Refined:
         """The fit, as residuals of torque."""
         return self.verdicts.refined
+
+    @property
+    def end(self) -> tuple[Refined, Space]:
+        """The last fit, of predictions if there is one, and the space it moved in."""
+        return (
+            (self.refined, self.verdicts.space) if self.sharp is None else (self.sharp.fit, self.sharp.space)
+        )
+
+    @property
+    def aim(self) -> Problem | Predictor:
+        """What the last fit brought near its target."""
+        return self.problem if self.sharp is None else self.sharp.aim
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -105,9 +117,7 @@ class Conclusions:
 
     def bounds(self) -> dict[str, float]:
         """Cramer-Rao bounds for Gaussian errors with the residual's own autocovariance, or that of the errors of prediction."""
-        fit, space = (
-            (self.refined, self.verdicts.space) if self.sharp is None else (self.sharp.fit, self.sharp.space)
-        )
+        fit, space = self.end
         counted, index = fit.weights > 0.0, np.flatnonzero(space.free)
         residual = fit.residual[counted]
         if not len(residual) or not residual.any():

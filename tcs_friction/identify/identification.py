@@ -17,6 +17,7 @@ from tcs_friction.identify.models import LuGreModel
 from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.prediction import Sharpened, resolvable, sharpen
 from tcs_friction.identify.problem import Problem, pose
+from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation, SwarmOptions
 from tcs_friction.identify.refine import Outcome
 from tcs_friction.identify.result import Identification
@@ -40,7 +41,8 @@ class IdentifyOptions:
 
     hold_inertia: keep the axis file's. offset: allow a constant torque. loss: `squares` or `huber` (outliers count less).
     bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods;
-    box: where they search. uncertainty: `sandwich`, or `bootstrap` of blocks of the residual.
+    box: where they search. uncertainty: `sandwich`, or `bootstrap` of blocks of the residual. profile: add the profile
+    likelihood of each parameter.
     """
 
     hold_inertia: bool = False
@@ -50,6 +52,7 @@ class IdentifyOptions:
     swarm: SwarmOptions = field(default_factory=SwarmOptions)
     box: Box | None = None
     uncertainty: str = "sandwich"
+    profile: bool = False
 
     def __post_init__(self) -> None:
         if self.loss not in ("squares", "huber"):
@@ -126,6 +129,7 @@ def identify(
         correlation=concluded.correlation(),
         bound=concluded.bounds(),
         seed=seed,
+        profiles=profiles(concluded, cancel) if options.profile and polish else {},
         notes=(*motion.notes, *verdicts.notes),
     )
 

@@ -77,7 +77,9 @@ def start_sliding(axis: Axis, motion: Motion) -> np.ndarray:
     friction = motion.torque - axis.inertia * motion.acceleration
     usual = float(np.median(np.abs(friction)))
     speed = motion.velocity[starts]
-    return np.asarray((np.abs(speed) > motion.resolution) & (friction[starts] * np.sign(speed) > SLIDING * usual))
+    return np.asarray(
+        (np.abs(speed) > motion.resolution) & (friction[starts] * np.sign(speed) > SLIDING * usual)
+    )
 
 
 def first_directions(axis: Axis, motion: Motion) -> np.ndarray:

@@ -71,6 +71,7 @@ class Sharpened:
     space: Space
     fit: Refined
     evaluations: int
+    aim: Predictor
 
     @property
     def delay(self) -> float:
@@ -92,6 +93,7 @@ class Predictor:
         self.encoder = max(float(np.sqrt(0.5 * fine.density / fine.dt)), least)
         self._scale = float(np.std(fine.torque)), max(speed, 1e-300)
         self._deviation = np.ones(len(fine.position))
+        self.target, self.weights = np.zeros(len(fine.position)), np.ones(len(fine.position))
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self.evaluations = 0
 
@@ -118,7 +120,7 @@ class Predictor:
         self._last = None
 
     def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
-        """(n,) what has to be zero, with the sign of a model's output."""
+        """(n,) errors over their standard deviations, with the sign of a model's output: what should come near `target`."""
         return self.linearised(unknowns)[0]
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -189,19 +191,18 @@ def sharpen(
     predictor = Predictor(fine, model, wider.logarithmic, speed)
     size = max(residual, 1e-9 * float(np.std(fine.torque))) / unknowns[-2]
     start = predictor.tune(np.array([*unknowns, fine.delay, START_RATE, size]))
-    target, weights = np.zeros(len(fine.position)), np.ones(len(fine.position))
     for _ in range(ROUNDS):
         predictor.weigh(start)
         fit = refine(
-            predictor.linearised, predictor.evaluated, target, weights, start, wider, loss,
-            iterations=15, tolerance=LEAST_GAIN / len(target), cancel=cancel,
+            predictor.linearised, predictor.evaluated, predictor.target, predictor.weights, start, wider, loss,
+            iterations=15, tolerance=LEAST_GAIN / len(predictor.target), cancel=cancel,
         )  # fmt: skip
         power = np.sum(fit.weights[:, None] * fit.jacobian[:, wider.free] ** 2, axis=0)
         moved = float(np.max(np.abs(fit.unknowns - start)[wider.free] * np.sqrt(power)))
         start = fit.unknowns
         if moved < SETTLED or cancel():
             break
-    return Sharpened(start, wider, fit, predictor.evaluations)
+    return Sharpened(start, wider, fit, predictor.evaluations, predictor)
 
 
 def _widened(space: Space) -> Space:

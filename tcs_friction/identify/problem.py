@@ -131,6 +131,10 @@ class Problem:
         friction = self.thin.modelled(self.model.torque(unknowns[:k], unknowns[k + 2 :])[:, None])[:, 0]
         return np.asarray(friction + unknowns[k] * self.acceleration + unknowns[k + 1])
 
+    def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
+        """The same, by the name that a fit knows."""
+        return self.torque(unknowns)
+
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Torque (m,) and its derivatives by every unknown (m, p)."""
         k = self.law_size

@@ -69,13 +69,31 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
+class Profile:
+    """values (k,) in the parameter's unit, estimate included; rise (k,) of -2 log likelihood; 95 % interval, None where open."""
+
+    values: np.ndarray
+    rise: np.ndarray
+    interval: tuple[float | None, float | None]
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As in `identification.json`."""
+        return {
+            "values": self.values.tolist(),
+            "rise": self.rise.tolist(),
+            "interval": list(self.interval),
+        }
+
+
+@dataclass(frozen=True, eq=False)
 class Identification:
     """What was identified, how well, and how.
 
     parameters: of the law, by their names in the axis file. directions: the same for motion one way only ("positive",
     "negative"), without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns.
     bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
-    history: best cost per generation of the global search. outcome: how the search ended.
+    profiles: profile likelihoods by name, where asked for. history: best cost per generation of the global search.
+    outcome: how the search ended.
     """
 
     law: str
@@ -96,9 +114,10 @@ class Identification:
     bound: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     notes: tuple[str, ...] = ()
+    profiles: Mapping[str, Profile] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("parameters", "directions", "bound"):
+        for name in ("parameters", "directions", "bound", "profiles"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def friction(self, direction: str | None = None) -> dict[str, float]:
@@ -132,6 +151,11 @@ class Identification:
                 "names": list(names),
                 "matrix": [[round(float(x), 6) for x in row] for row in matrix],
             },
+            **(
+                {"profiles": {name: item.to_mapping() for name, item in self.profiles.items()}}
+                if self.profiles
+                else {}
+            ),
             "history": [float(x) for x in self.history],
             "notes": list(self.notes),
         }

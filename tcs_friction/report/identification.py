@@ -37,6 +37,7 @@ from tcs_friction.report.html import (
     write_page,
 )
 from tcs_friction.report.numbers import with_error
+from tcs_friction.report.profiles import draw_profiles, profile_table
 
 
 def write_report(
@@ -59,6 +60,10 @@ def write_report(
         parts.append(
             section("Friction laws compared", picture(laws), law_table(comparison, found.offset.unit))
         )
+    if found.profiles:
+        profiles = draw_profiles(found)
+        pictures.append(profiles)
+        parts.append(section("Profile likelihood", picture(profiles), profile_table(found.profiles)))
     if len(found.correlation[0]) > 1:
         correlation = draw_correlation(found)
         pictures.append(correlation)
