@@ -2,7 +2,8 @@
 
 Measured as a frequency response analyser does: a periodic multisine, whole periods, the ratio of the spectra at the
 excited frequencies, its scatter from period to period as uncertainty. Once on eq. 10 itself, whose coefficients have
-to come back, and once on the simulated axis, turning at constant speed so that friction does not reverse.
+to come back, and once on the simulated axis, turning at constant speed so that friction does not reverse. A third time as
+`./tcs response` does it: a multisine in the reference, the controller at work, on an axis that has a flexible mode.
 """
 
 from __future__ import annotations
@@ -14,8 +15,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
+from tcs_friction.config import shipped
 from tcs_friction.control.pid import DoubleLoopPid, PidConfig
+from tcs_friction.control.reference import load_reference
+from tcs_friction.identify import plant_response as closed
+from tcs_friction.physics.registry import effect
 from tcs_friction.physics.simulate import Simulator
+from tcs_friction.physics.terms import instance
+from tcs_friction.recording.recording import Recording
 from tcs_friction.report import published
 from tcs_friction.report.figures import (
     BELIEVED,
@@ -23,12 +30,15 @@ from tcs_friction.report.figures import (
     MEASURED,
     MUTED,
     Array,
+    Picture,
     drawn,
     label,
     panels,
 )
 from tcs_friction.report.html import Html, picture, section, table
+from tcs_friction.report.numbers import with_error
 from tcs_friction.report.paper.stand import Chapter, Stand
+from tcs_friction.report.response import draw_response
 from tcs_friction.report.runs import DEGREE
 
 Complex = NDArray[np.complex128]
@@ -39,6 +49,8 @@ SETTLE = 3
 LINES = np.unique(np.round(np.geomspace(1, 1000, 60)).astype(int))  # multiples of 1/PERIOD: 0.1 to 100 Hz
 TORQUE = 12.0  # N m rms on the axis: too little to make it reverse
 SPEED = 1.0 * DEGREE  # rad/s that the axis turns at
+EXCITATION = "azimuth_1p2m_response.yaml"
+MODE = {"frequency": 22.0, "damping": 0.03, "inertia_ratio": 0.3}
 NOISE = 0.02  # of eq. 10's output, relative to its rms
 
 
@@ -63,6 +75,8 @@ class PlantResult:
     paper: Response
     axis: Response
     inertia: float  # kg m^2, the axis' own
+    flexible: closed.Response
+    models: tuple[closed.PlantModel, closed.PlantModel]
 
 
 def form(coefficients: Array, frequency: Array) -> Complex:
@@ -77,11 +91,23 @@ def measure(stand: Stand) -> PlantResult:
     """Both responses."""
     period = stand.control.loop.period
     excitation = multisine(period)
+    flexible = _through_loop(stand)
     return PlantResult(
         _analyse(excitation, _through_paper(excitation, period, stand.seed), period, 0.5 * period, 1),
         _analyse(*_through_axis(stand, excitation * TORQUE), period, stand.axis.actuation_delay, 2),
         stand.axis.inertia,
+        flexible,
+        (closed.fit_second_order(flexible), closed.fit_two_inertias(flexible)),
     )
+
+
+def _through_loop(stand: Stand) -> closed.Response:
+    """The response of the axis with a flexible mode, from the reference's multisine through the closed loop."""
+    mode = instance(effect("flexible_mode"), MODE)
+    axis = replace(stand.axis, effects=(*stand.axis.effects, mode))
+    run = stand.run(load_reference(shipped(EXCITATION)), axis=axis)
+    recording = Recording(run.t, run.position, run.torque, reference=run.reference, source="simulation")
+    return closed.of_recordings([recording], 0.75, 45.0, axis.actuation_delay)
 
 
 def multisine(period: float) -> Array:
@@ -168,6 +194,12 @@ def fit(frequency: Array, response: Complex, std: Array) -> Array:
     return found
 
 
+CLOSED_LOOP = (
+    "Fig. 9 again, of the axis with a flexible mode, through the closed loop: a multisine in the reference, which also serves "
+    "as instrument. Eq. 10's form cannot follow a resonance, two inertias can."
+)
+
+
 @drawn("figure_09", "Fig. 9. Frequency response from torque to speed. Left: eq. 10, measured and fitted again. Right: the "
        "simulated axis turning at 1 deg/s, where its cogging disturbs one line. Bars: twice the standard deviation.")  # fmt: skip
 def draw(result: PlantResult) -> Figure:
@@ -225,5 +257,16 @@ def chapter(result: PlantResult) -> Chapter:
         f"not given, so only the form compares. The axis' coefficient of s is its inertia: {result.axis.coefficients[1]:.0f} "
         f"of {result.inertia:.0f} kg m²."
     )
-    html: Html = section("5.1 The plant", picture(image), table(head, rows), words)
-    return Chapter(html, (image,))
+    second = Picture("figure_09_closed_loop", CLOSED_LOOP, draw_response(result.flexible, result.models, "rotary").png)
+    parts = (picture(image), table(head, rows), words, picture(second), closed_loop_table(result.models[1]))
+    html: Html = section("5.1 The plant", *parts)
+    return Chapter(html, (image, second))
+
+
+def closed_loop_table(model: closed.PlantModel) -> Html:
+    """The flexible mode that was put in and the one that was found."""
+    rows = [
+        [name.replace("_", " "), f"{value:g}", with_error(model.parameters[name], model.std[name])]
+        for name, value in MODE.items()
+    ]
+    return table(["flexible mode", "put in", "found"], rows, "Two inertias: value ± standard error")
