@@ -199,7 +199,7 @@ def _parameters(result: CommissionResult) -> Html:
         row: list[str | Cell] = [name, f"{value:.5g}"]
         if result.true:
             row += (
-                [f"{result.true[name]:.5g}", f"{100.0 * (value / result.true[name] - 1.0):+.1f} %"]
+                [f"{result.true[name]:.5g}", f"{round(100.0 * (value / result.true[name] - 1.0), 1) + 0.0:+.1f} %"]
                 if result.true.get(name)
                 else ["–", "–"]
             )
