@@ -6,6 +6,7 @@ What follows --ros-args goes to every node, for example: ./tcs graph --ros-args 
 from __future__ import annotations
 
 import argparse
+import sys
 
 from tcs_friction.errors import InputError
 
@@ -27,4 +28,6 @@ def run(arguments: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     ros_arguments = graph.arguments_for(arguments.axis, arguments.reference, arguments.ros_arguments)
+    place = "one process each" if arguments.processes else "one process"
+    print(f"tcs-friction: {', '.join(graph.GRAPH)} in {place}, until Ctrl-C", file=sys.stderr)
     return graph.run_processes(ros_arguments) if arguments.processes else graph.run_together(ros_arguments)

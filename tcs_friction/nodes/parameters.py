@@ -63,7 +63,8 @@ def declare(node: Node, config: Config) -> Config:
         try:
             given[name] = node.declare_parameter(name, value, descriptor(entry)).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            raise InputError(f"{node.get_name()}: parameter {name}", str(error)) from None
+            reason = str(error).rpartition("Reason: ")[2].removesuffix(f": {name}")
+            raise InputError(node.get_name(), reason) from None
     result = changed(config, given)
     validate(result, f"{node.get_name()}: parameters")
     return result

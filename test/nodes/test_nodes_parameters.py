@@ -98,7 +98,7 @@ def test_another_axis_file_brings_its_own_values(together: Callable[..., Any], t
 
 
 def test_a_bad_value_at_the_start_is_an_input_error(together: Callable[..., Any]) -> None:
-    with pytest.raises(InputError, match=r"controller: parameter.*torque_limit"):
+    with pytest.raises(InputError, match=r"^controller: Parameter torque_limit out of range.*-5.0$"):
         together("-p", "torque_limit:=-5.0", nodes=["controller"])
 
 
