@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from tcs_friction.errors import TcsError, nearest
+from tcs_friction.errors import InputError, TcsError, nearest
 
 COMMANDS = {
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
@@ -47,15 +47,11 @@ def usage() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line; returns the exit status: 0 done, 1 could not do it, 2 wrong usage or bad input."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if not words or words[0] in ("-h", "--help", "help"):
-        print(usage())
-        return 0 if words else 2
-    name = words[0]
-    if name not in COMMANDS:
-        print(f"tcs-friction: no command {name!r}, expected {nearest(name, list(COMMANDS))}", file=sys.stderr)
-        return 2
     try:
-        return _run(name, words[1:])
+        try:
+            return _command(words)
+        finally:
+            sys.stdout.flush()  # here, where a reader that has gone is no error
     except TcsError as error:
         print(f"tcs-friction: {error}", file=sys.stderr)
         return error.exit_status
@@ -65,6 +61,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def _command(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(usage())
+        return 0 if words else 2
+    name = words[0]
+    if name not in COMMANDS:
+        raise InputError("command line", f"no command {name!r}", nearest(name, COMMANDS))
+    return _run(name, words[1:])
 
 
 def _run(name: str, words: list[str]) -> int:

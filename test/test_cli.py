@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -82,6 +83,17 @@ def test_unknown_command_names_the_nearest(capsys: pytest.CaptureFixture[str]) -
     message = capsys.readouterr().err
     assert "no command 'diagnos', expected diagnose" in message
     assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize(("words", "status"), [(["--help"], 0), (["identify", "--help"], 0), (["identify"], 2)])
+def test_a_reader_that_has_gone_is_no_error(words: list[str], status: int) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-P", "-m", "tcs_friction.cli", *words]
+    ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr.count("\n")) == (status, 1 if status else 0), ended.stderr
+
 
 
 def test_help_and_nothing(capsys: pytest.CaptureFixture[str]) -> None:
