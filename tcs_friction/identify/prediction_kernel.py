@@ -1,8 +1,8 @@
 """Compiled loop of a Kalman filter about an axis with LuGre friction: how well each next position is predicted.
 
 State: position x, velocity v, bristle deflection z and an acceleration w by disturbances, which is first-order noise. A step is
-that of the midpoint rule under the torque held over it; covariances follow the motion linearised at the midpoint (extended
-Kalman filter, Jazwinski 1970). Each stretch starts with velocity, bristle and disturbance unknown. Candidates go side by side
+that of the midpoint rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for
+fast motion; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). Each stretch starts with velocity, bristle and disturbance unknown. Candidates go side by side
 in lanes, as in `kernels`.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from tcs_friction.identify.kernels import FAST, falling_exponential
+from tcs_friction.identify.kernels import FAST, falling_exponential, mean_decay
 
 LANES = 16
 SIZE = 12  # of a candidate
@@ -23,12 +23,12 @@ ROWS = 14  # of the state and its covariance
 
 @njit(inline="always")
 def bristle_rate(v: Any, z: Any, coulomb: Any, drop: Any, bell: Any, stiffness: Any) -> Any:
-    """dz/dt of eq. 2 with its derivatives by v and z; bell is -1 / stribeck_velocity^2."""
+    """dz/dt of eq. 2, its derivative by v, and the rate (1/s) at which z is forgotten; bell is -1 / stribeck_velocity^2."""
     fallen = drop * falling_exponential(v * v * bell)
     pull = stiffness / (coulomb + fallen)
     slope = 2.0 * fallen * v * bell * pull / stiffness
     by_velocity = 1.0 - pull * z * (math.copysign(1.0, v) - abs(v) * slope)
-    return v - pull * abs(v) * z, by_velocity, -pull * abs(v)
+    return v - pull * abs(v) * z, by_velocity, pull * abs(v)
 
 
 @njit(inline="always")
@@ -126,20 +126,26 @@ def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
         keep, power = c[9, j], c[10, j]
         middle = 0.5 * (1.0 + keep)
         v, z, w = s[1, j], s[2, j], s[3, j]
-        flow, _, _ = bristle_rate(v, z, coulomb, drop, bell, stiffness)
-        a = (push[j] - stiffness * z - damping * flow - viscous * v) * lightness + w
-        vm, zm = v + 0.5 * dt * a, z + 0.5 * dt * flow
-        flow, zv, z2 = bristle_rate(vm, zm, coulomb, drop, bell, stiffness)
+        flow, _, forget = bristle_rate(v, z, coulomb, drop, bell, stiffness)
+        share = mean_decay(forget * dt, falling_exponential(-forget * dt))
+        a = (push[j] - stiffness * z - share * damping * flow - viscous * v) * lightness + w
+        vm = v + 0.5 * dt * a
+        flow, by_velocity, forget = bristle_rate(vm, z, coulomb, drop, bell, stiffness)
+        share = mean_decay(forget * dt, falling_exponential(-forget * dt))
+        moved, zv, z2 = share * dt * flow, share * dt * by_velocity, 1.0 - share * dt * forget
+        zm, flow = z + 0.5 * moved, share * flow
         a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w
         s[0, j] += dt * v + half * a
         s[1, j] = v + dt * a
-        s[2, j] = z + dt * flow
+        s[2, j] = z + moved
         s[3, j] = w * keep
 
-        av, az = -(viscous + damping * zv) * lightness, -(stiffness + damping * z2) * lightness
-        x1, x2, x3 = dt + half * av, half * az, half
-        v1, v2, v3 = 1.0 + dt * av + half * (av * av + az * zv), dt * az + half * az * (av + z2), x1 * middle
-        z1, z2, z3 = dt * zv + half * zv * (av + z2), 1.0 + dt * z2 + half * (zv * az + z2 * z2), half * zv
+        av = -(viscous + (damping / dt + 0.5 * stiffness) * zv) * lightness
+        az = -(0.5 * stiffness * (1.0 + z2) - damping * share * forget) * lightness
+        along = 1.0 + 0.5 * dt * av
+        x1, x2, x3 = dt * along, half * az, half
+        v1, v2, v3 = 1.0 + dt * av * along, dt * az * along, dt * along * middle
+        z1, z2, z3 = zv * along, z2 + 0.5 * dt * zv * az, 0.5 * dt * zv
         xx, xv, xz, xw, vv = s[4, j], s[5, j], s[6, j], s[7, j], s[8, j]
         vz, vw, zz, zw, ww = s[9, j], s[10, j], s[11, j], s[12, j], s[13, j]
         tv = xv + x1 * vv + x2 * vz + x3 * vw
