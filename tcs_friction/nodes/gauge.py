@@ -6,10 +6,11 @@ Every gauge is asked for its current reading and answers in ASCII (8 bits, no pa
 |---|---|---|---|
 | mark10 | Mark-10 series 3 to 7, BG | `?C` CR | `-18.78 lbF` CR LF; `*10`, `*11` ... where a request is refused |
 | mecmesin | Mecmesin AFG, BFG, CFG+; Dillon | `?` | `12.34 N` CR LF; `xxxx` while it has no calibration |
-| imada | Imada DS2, DPS, DST, ZTA, ZTS | `D` CR | `+12.34NTO` CR: value, unit, mode, judgement; `E` where it is refused |
+| imada | Imada DS2, DPS, DST | `D` CR | `+12.34NT`, `+12.34NTO` CR: value, unit, mode, judgement; `E` where it is refused |
 | sauter | Sauter FH, FL | `9` | seven characters and no end: 1 tension, 0 compression, then the value: `1021.15` |
 
-From the makers' manuals. The unit may be switched off in the first two and is never sent by the last.
+From the makers' manuals; how a Mecmesin ends its reply they do not say: CR, LF and both are taken. The unit may be switched
+off in the first two and is never sent by the last.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ LONGEST = 64
 """Characters without an end of reply that are kept."""
 
 _PLAIN = re.compile(r"([+-]? *\d*\.?\d+|[+-]? *\d+\.) *([A-Za-z][A-Za-z.·-]*)?")
-_IMADA = re.compile(r"r?([+-] *\d*\.?\d+)([A-Z])([A-Z])([A-Z])")
+_IMADA = re.compile(r"([+-] *\d*\.?\d+)([A-Z])([A-Z])([A-Z]?)")
 _SAUTER = re.compile(r"([01])((?=[\d.]{6}$)\d*\.?\d*)")
 _IMADA_UNITS = {"N": ("N", "mN", "kN"), "K": ("kgf", "gf"), "O": ("lbf", "ozf")}
 
@@ -87,7 +88,7 @@ def _plain(reply: str, unit: str) -> float:
 
 def _imada(reply: str, unit: str) -> float:
     """Value, unit (N, K for kgf or gf, O for lbf or ozf), T real time or P peak, judgement (E beyond the range)."""
-    if reply in ("E", "r", "E1", "E2"):
+    if reply == "E":
         raise GaugeError("gauge", f"refuses the request ({reply})", "a gauge that knows this protocol")
     match = _IMADA.fullmatch(reply)
     if match is None:
