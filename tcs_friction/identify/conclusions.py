@@ -137,7 +137,15 @@ class Conclusions:
 def refit(problem: Problem, unknowns: np.ndarray, space: Space, loss: str, iterations: int) -> Refined:
     """Refine a few steps on those samples that count."""
     return refine(
-        problem.linearised, problem.torque, problem.target, problem.weights, unknowns, space, loss, iterations
+        problem.linearised,
+        problem.torque,
+        problem.target,
+        problem.weights,
+        unknowns,
+        space,
+        loss,
+        iterations,
+        problem.tolerance,
     )
 
 

@@ -323,12 +323,10 @@ class AnyCost:
         known = self._thin.apply(
             np.column_stack([motion.acceleration, np.ones(len(motion)), problem.rotor[index]])
         )
-        fixed = {problem.inertia_index: known[:, 0], problem.offset_index: known[:, 1]}
-        self._fixed = fixed
-        self._target = known[:, 2] - sum(start[k] * fixed[k] for k in held)
+        self._fixed = {problem.inertia_index: known[:, 0], problem.offset_index: known[:, 1]}
+        self._target = known[:, 2] - sum(start[k] * self._fixed[k] for k in held)
         size = scales(problem, float(start[problem.inertia_index]))
         self.box = law_box(tuple(parameters[k] for k in self._searched), size)
-        self._unit = size.torque / size.velocity
 
     def _torque(self, law: np.ndarray) -> np.ndarray:
         return self._thin.modelled(self._model.torque(law, np.zeros(0))[:, None])[:, 0]
@@ -339,14 +337,10 @@ class AnyCost:
         law = unknowns[: self._problem.law_size].copy()
         law[self._linear] = 0.0
         torque = self._torque(law)
-        columns = []
         for k in self._solved:
-            if k in self._fixed:
-                columns.append(self._fixed[k])
-            else:
-                law[k] = self._unit
-                columns.append((self._torque(law) - torque) / self._unit)
-                law[k] = 0.0
+            if k not in self._fixed:
+                self._fixed[k] = self._thin.modelled(self._model.column(k, law)[:, None])[:, 0]
+        columns = [self._fixed[k] for k in self._solved]
         root = np.sqrt(self._weight)
         aim = root * (self._target - torque)
         if columns:

@@ -53,7 +53,8 @@ def judge(
         current = space.holding(held)
         refined = refine(
             problem.linearised, problem.torque, problem.target, problem.weights, unknowns,
-            current if polish else _states_only(problem, current), loss, cancel=cancel,
+            current if polish else _states_only(problem, current), loss,
+            tolerance=problem.tolerance, cancel=cancel,
         )  # fmt: skip
         evaluations += refined.evaluations
         unknowns = refined.unknowns.copy()

@@ -33,7 +33,6 @@ SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0)
-QUICK_GENERIC = SwarmOptions(population=40, generations=1, swarm_generations=30, genetic_generations=0)
 
 
 @dataclass(frozen=True)
@@ -173,10 +172,15 @@ def _search(
 ) -> pso_ga.SearchResult:
     settings = {"pso-ga": options.swarm, "paper": pso_ga.PAPER}.get(method)
     if method == "default":
-        settings = QUICK_GENERIC if isinstance(cost, AnyCost) else QUICK
+        settings = _for_dimensions(len(cost.box.lower)) if isinstance(cost, AnyCost) else QUICK
     if settings is None:
         settings = pso_ga.alone(options.swarm, method)
     return pso_ga.search(cost, len(cost.box.lower), seed, settings, progress=progress, cancel=cancel)
+
+
+def _for_dimensions(count: int) -> SwarmOptions:
+    """A swarm for a law whose evaluation is not cheap: no larger than its search space asks for."""
+    return replace(QUICK, population=min(40, 12 * count + 4), swarm_generations=min(30, 8 * count + 6))
 
 
 def _sharpened(

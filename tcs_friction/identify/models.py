@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -12,7 +11,7 @@ from tcs_friction.identify import kernels
 from tcs_friction.identify.motion import Motion
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Place, instance
+from tcs_friction.physics.terms import Place, Role
 
 PROLOGUE = (
     24  # samples of steady motion that bring a law's memory to sliding before a stretch that starts in motion
@@ -53,22 +52,46 @@ def depends_on_law(axis: Axis) -> bool:
     return any(item.term.place in (Place.SCALE, Place.SENSOR) for item in axis.effects)
 
 
-def evaluated(axis: Axis, motion: Motion, sliding: bool = True) -> np.ndarray:
+def evaluated(axis: Axis, motion: Motion) -> np.ndarray:
     """`machine.evaluate` (n, 8) over every stretch on its own; one that starts sliding starts with a bristle that is."""
-    names = tuple(sorted(motion.exogenous))
-    out = np.empty((len(motion), 8))
-    temperature = motion.temperature if motion.temperature is not None else np.full(len(motion), 20.0)
-    signals = np.ascontiguousarray(np.vstack([temperature, *(motion.exogenous[name] for name in names)]))
-    slides = start_sliding(axis, motion) if sliding else np.zeros(len(motion.bounds) - 1, dtype=bool)
-    for part, slides_first in zip(motion.stretches, slides, strict=True):
-        machine = compiled.build(axis, 1.0 / motion.rate, 1, names)
-        if slides_first:
-            _slide(machine, motion, part.start, signals)
-        compiled.evaluate(
-            machine, motion.t[part], motion.position[part], motion.velocity[part], motion.acceleration[part],
-            motion.torque[part], signals[:, part], motion.resolution, out[part],
-        )  # fmt: skip
-    return out
+    return Walk(axis, motion).run()
+
+
+class Walk:
+    """An axis that walks through a motion again and again, with other values of its friction law."""
+
+    def __init__(self, axis: Axis, motion: Motion) -> None:
+        names = tuple(sorted(motion.exogenous))
+        temperature = motion.temperature if motion.temperature is not None else np.full(len(motion), 20.0)
+        self._signals = np.ascontiguousarray(
+            np.vstack([temperature, *(motion.exogenous[name] for name in names)])
+        )
+        self._motion = motion
+        self._slides = start_sliding(axis, motion)
+        self._machine = compiled.build(axis, 1.0 / motion.rate, 1, names)
+        live = (self._machine.states, self._machine.body, self._machine.motion)
+        self._fresh = [(array, array.copy()) for array in live]
+        law = [item.term.place for item in axis.terms].index(Place.LAW)
+        start = self._machine.parameter_ends[law]
+        self._law = self._machine.parameters[start : start + len(axis.friction.term.parameters)]
+        self._out = np.empty((len(motion), 8))
+
+    def run(self, values: np.ndarray | None = None) -> np.ndarray:
+        """(n, 8), valid until the next run; `values` of the law in the order of its declaration."""
+        motion, machine = self._motion, self._machine
+        if values is not None:
+            self._law[:] = values
+        for part, slides in zip(motion.stretches, self._slides, strict=True):
+            for array, fresh in self._fresh:
+                array[:] = fresh
+            if slides:
+                _slide(machine, motion, part.start, self._signals)
+            compiled.evaluate(
+                machine, motion.t[part], motion.position[part], motion.velocity[part],
+                motion.acceleration[part], motion.torque[part], self._signals[:, part], motion.resolution,
+                self._out[part],
+            )  # fmt: skip
+        return self._out
 
 
 def start_sliding(axis: Axis, motion: Motion) -> np.ndarray:
@@ -150,39 +173,47 @@ class DahlModel(LuGreModel):
 
 
 class AnyModel:
-    """Any law with its effects, through the axis' own evaluation; derivatives by central differences."""
+    """Any law with the effects that act on it, through the axis' own evaluation; derivatives by differences."""
 
     def __init__(self, axis: Axis, motion: Motion) -> None:
-        self._axis = axis
-        self._motion = motion
-        self._names = [p.name for p in axis.friction.term.parameters]
-        self._bounds = [(p.lower, p.upper) for p in axis.friction.term.parameters]
+        acting = (Place.DRIVE, Place.SCALE, Place.SENSOR)
+        kept = tuple(item for item in axis.effects if item.term.place in acting)
+        self._walk = Walk(replace(axis, effects=kept), motion)
+        self._acceleration = motion.acceleration
+        parameters = axis.friction.term.parameters
+        self._bounds = np.array([(p.lower, p.upper) for p in parameters]).T
         gain = float(np.ptp(motion.torque)) / max(float(np.abs(motion.velocity).max()), 1e-300)
-        self._least = [1e-6 * gain if p.unit == "N m s/rad" else 1e-14 for p in axis.friction.term.parameters]
-
-    def _axis_with(self, values: Sequence[float]) -> Axis:
-        clipped = {
-            name: float(np.clip(value, *bounds))
-            for name, value, bounds in zip(self._names, values, self._bounds, strict=True)
-        }
-        return replace(self._axis, friction=instance(self._axis.friction.term, clipped))
+        self._least = np.array([1e-6 * gain if p.unit == "N m s/rad" else 1e-14 for p in parameters])
+        self._linear = [k for k, p in enumerate(parameters) if p.role is Role.LINEAR]
+        self._columns: dict[int, np.ndarray] = {}  # of what the torque is proportional to
 
     def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:  # noqa: ARG002
-        out = evaluated(self._axis_with(values.tolist()), self._motion)
+        out = self._walk.run(np.clip(values, *self._bounds))
         moving: np.ndarray = out[:, compiled.REQUIRED] - out[:, compiled.OPPOSED]
-        return moving - out[:, compiled.MOVED] * self._motion.acceleration
+        return moving - out[:, compiled.MOVED] * self._acceleration
+
+    def column(self, k: int, values: np.ndarray) -> np.ndarray:
+        """(n,) derivative by a parameter that the torque is proportional to, whatever the others are."""
+        if k not in self._columns:
+            unit, none = values.copy(), values.copy()
+            none[k], unit[k] = 0.0, 1e6 * self._least[k]
+            self._columns[k] = (self.torque(unit, none) - self.torque(none, none)) / unit[k]
+        return self._columns[k]
 
     def derivatives(
         self, values: np.ndarray, initial: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        slopes = np.empty((len(self._motion), len(values)))
+        torque = self.torque(values, initial)
+        slopes = np.empty((len(torque), len(values)))
         for k in range(len(values)):
+            if k in self._linear:
+                slopes[:, k] = self.column(k, values)
+                continue
             step = max(1e-5 * abs(values[k]), self._least[k])
-            high, low = values.copy(), values.copy()
-            high[k] += step
-            low[k] = max(values[k] - step, self._bounds[k][0])
-            slopes[:, k] = (self.torque(high, initial) - self.torque(low, initial)) / (high[k] - low[k])
-        return self.torque(values, initial), slopes, None
+            moved = values.copy()
+            moved[k] += step if values[k] + step <= self._bounds[1][k] else -step
+            slopes[:, k] = (self.torque(moved, initial) - torque) / (moved[k] - values[k])
+        return torque, slopes, None
 
 
 def model_for(axis: Axis, motion: Motion) -> Model:

@@ -2,8 +2,8 @@
 
 State: position x, velocity v, bristle deflection z and an acceleration w by disturbances, which is first-order noise. A step is
 that of the midpoint rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for
-fast motion; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). Each stretch starts with velocity, bristle and disturbance unknown. Candidates go side by side
-in lanes, as in `kernels`.
+fast motion; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). Each stretch starts with
+velocity, bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
 """
 
 from __future__ import annotations

@@ -113,6 +113,11 @@ class Problem:
         return [*(p.name for p in self.axis.friction.term.parameters), "inertia", "offset", *states]
 
     @property
+    def tolerance(self) -> float:
+        """Relative gain of cost below which a fit ends; derivatives by differences cannot tell less."""
+        return 1e-6 if isinstance(self.model, AnyModel) else 1e-10
+
+    @property
     def times(self) -> np.ndarray:
         return self.motion.t[self.thin.centres]
 
