@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     axis, reference = "azimuth_1p2m.yaml", "azimuth_1p2m_run.yaml"
     parser.add_argument("axis", nargs="?", default=axis, metavar="AXIS.yaml", help="axis file (default: %(default)s)")
     parser.add_argument("--reference", default=reference, metavar="REF.yaml", help="reference file (default: %(default)s)")
+    parser.add_argument("--no-plant", action="store_true", help="a driver takes the place of the simulated plant")
     parser.add_argument("--processes", action="store_true", help="one process for each node")
 
 
@@ -27,7 +28,9 @@ def run(arguments: argparse.Namespace) -> int:
         from tcs_friction.nodes import graph
     except ModuleNotFoundError as error:
         raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
-    ros_arguments = graph.arguments_for(arguments.axis, arguments.reference, arguments.ros_arguments)
+    driven = ["-p", "simulated:=false"] if arguments.no_plant else []
+    ros_arguments = graph.arguments_for(arguments.axis, arguments.reference, [*driven, *arguments.ros_arguments])
+    names = tuple(name for name in graph.GRAPH if name != "plant" or not arguments.no_plant)
     place = "one process each" if arguments.processes else "one process"
-    print(f"tcs-friction: {', '.join(graph.GRAPH)} in {place}, until Ctrl-C", file=sys.stderr)
-    return graph.run_processes(ros_arguments) if arguments.processes else graph.run_together(ros_arguments)
+    print(f"tcs-friction: {', '.join(names)} in {place}, until Ctrl-C", file=sys.stderr)
+    return (graph.run_processes if arguments.processes else graph.run_together)(ros_arguments, names)

@@ -74,6 +74,19 @@ def snapshot(folder: Path) -> dict[str, int]:
     return {str(path): path.lstat().st_mtime_ns for path in folder.rglob("*")}
 
 
+def test_the_environments_own_python_is_left_before_it_may_be_deleted(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bootstrap, called = load(checkout / "tcs"), []
+    monkeypatch.setattr(os, "execv", lambda *arguments: called.append(arguments))
+    monkeypatch.setattr(sys, "_base_executable", "/usr/bin/base")
+    bootstrap.use_supported_python()
+    assert not called
+    monkeypatch.setattr(sys, "prefix", str(checkout / ".tcs/venv"))
+    bootstrap.use_supported_python()
+    assert called[0] == ("/usr/bin/base", ["/usr/bin/base", str(checkout / "tcs"), *sys.argv[1:]])
+
+
 def test_node_command_names_missing_compiler(checkout: Path) -> None:
     result = run(checkout, "demo")
     assert result.returncode == 1
@@ -139,8 +152,8 @@ def test_fingerprint_follows_packaging_and_not_sources(checkout: Path) -> None:
     assert module.workspace_fingerprint() != second
 
 
-def test_unsupported_python_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = load(ROOT / "tcs")
+def test_unsupported_python_is_named(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load(checkout / "tcs")
     monkeypatch.setattr(module.sys, "version_info", (3, 9, 2))
     monkeypatch.setattr(module.shutil, "which", lambda _: None)
     with pytest.raises(module.SetupError, match=r"Python 3\.11 to 3\.13 is needed, and python3 is 3\.9 here"):
