@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.signal import butter, lfilter_zi
 
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import AnyModel, first_directions
@@ -71,6 +72,20 @@ class Points:
     target: np.ndarray
     weight: np.ndarray
 
+    def late(self, samples: int) -> Points:
+        """The same with target and weight so many samples later: as they were before the filter's lag was taken out."""
+        first = np.flatnonzero(self.carry == 0.0)
+        index = np.arange(len(self.target)) - samples
+        inside = index >= first[np.searchsorted(first, np.arange(len(index)), side="right") - 1]
+        index = np.maximum(index, 0)
+        return replace(self, target=self.target[index], weight=np.where(inside, self.weight[index], 0.0))
+
+
+def observer_filter(bandwidth: float, rate: float) -> np.ndarray:
+    """(OBSERVER,) the filter Q of an observer, as `kernels.squared_errors` reads it; Hz, samples/s."""
+    b, a = butter(3, bandwidth, fs=rate)
+    return np.array([*b, *a[1:], *lfilter_zi(b, a)])
+
 
 def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
     """At most about `points` samples, but at least four per cycle of the motion's bandwidth."""
@@ -93,9 +108,8 @@ def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
 def search_stride(motion: Motion, points: int) -> int:
     """Which samples a search looks at: about `points`, but at least four per cycle of the motion's bandwidth."""
     stride = max(1, len(motion) // points)
-    return (
-        min(stride, max(1, int(motion.rate / (4.0 * motion.bandwidth)))) if motion.bandwidth > 0.0 else stride
-    )
+    band = max(motion.bandwidth, motion.filtered)
+    return min(stride, max(1, int(motion.rate / (4.0 * band)))) if band > 0.0 else stride
 
 
 def _weights_at(problem: Problem, index: np.ndarray) -> np.ndarray:
@@ -243,13 +257,21 @@ def _nonnegative(gram: np.ndarray, right: np.ndarray, used: np.ndarray) -> np.nd
 
 
 class LuGreCost:
-    """The paper's cost: all six LuGre parameters (and inertia and offset where they are free) are searched."""
+    """The paper's cost: all six LuGre parameters (and inertia and offset where they are free) are searched.
+
+    Friction that an observer's filter has passed is compared with friction that passes the same filter.
+    """
 
     def __init__(
         self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray, box: Box | None = None,
         points: int = SEARCH_POINTS,
     ) -> None:  # fmt: skip
-        self._points = thinned(problem, points)
+        self._points, self._observer = thinned(problem, points), np.zeros(0)
+        motion = problem.motion
+        if motion.filtered > 0.0:
+            rate = motion.rate / search_stride(motion, points)
+            self._points = self._points.late(round(rate / (np.pi * motion.filtered)))
+            self._observer = observer_filter(motion.filtered, rate)
         self._start = start
         size = scales(problem, float(start[problem.inertia_index]))
         law = box or law_box(problem.axis.friction.term.parameters, size)
@@ -283,6 +305,7 @@ class LuGreCost:
             p.acceleration,
             p.target,
             p.weight,
+            self._observer,
             np.ascontiguousarray(candidates),
             out,
         )

@@ -19,6 +19,7 @@ from numba import njit, prange
 LANES = 16
 FAST = {"contract", "nnan", "ninf", "nsz", "arcp"}
 COLUMNS = 5  # of the linear part: slide, bristle rate, velocity, acceleration, one
+OBSERVER = 10  # numbers that describe a third-order filter
 GRAM = COLUMNS * (COLUMNS + 1) // 2 + COLUMNS  # its upper triangle and right-hand side
 
 
@@ -51,19 +52,22 @@ def squared_errors(
     acceleration: Any,
     target: Any,
     weight: Any,
+    observer: Any,
     population: Any,
     out: Any,
 ) -> None:
     """Sum of squared errors (eq. 5, twice) of each candidate, `out` (m,).
 
-    `population` (m, 8): LuGre's parameters as in `physics.friction.lugre`, then inertia and offset.
+    `observer` (OBSERVER,): the third-order filter that the friction in `target` has passed, as coefficients b0 to b3, a1 to a3
+    and its states on a constant one; (0,) if it has passed none. `population` (m, 8): LuGre's parameters as in
+    `physics.friction.lugre`, then inertia and offset.
     """
     L = LANES
-    count = population.shape[0]
+    count, passed = population.shape[0], len(observer) > 0
     for block in prange((count + L - 1) // L):
         w = np.zeros(
-            11 * L
-        )  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum, level before
+            15 * L
+        )  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum, level before, friction, filter
         for j in range(L):
             p = population[min(block * L + j, count - 1)]
             w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
@@ -85,10 +89,32 @@ def squared_errors(
                 )
                 w[8 * L + j] = bristle
                 torque = bristle + w[4 * L + j] * (v - speed / level * bristle) + w[5 * L + j] * v
-                error = torque + w[6 * L + j] * a + w[7 * L + j] - aim
+                w[11 * L + j] = torque
+            if passed:
+                _observe(w, observer, kept)
+            for j in range(L):
+                error = w[11 * L + j] + w[6 * L + j] * a + w[7 * L + j] - aim
                 w[9 * L + j] += share * error * error
         for j in range(min(L, count - block * L)):
             out[block * L + j] = w[9 * L + j]
+
+
+@njit(inline="always")
+def _observe(w: Any, observer: Any, kept: float) -> None:
+    """Pass the friction in row 11 through the filter (direct form II transposed), whose states are in rows 12 to 14."""
+    L = LANES
+    for j in range(L):
+        x = w[11 * L + j]
+        first, second, third = (
+            kept * w[12 * L + j] + (1.0 - kept) * observer[7] * x,
+            kept * w[13 * L + j] + (1.0 - kept) * observer[8] * x,
+            kept * w[14 * L + j] + (1.0 - kept) * observer[9] * x,
+        )
+        y = observer[0] * x + first
+        w[12 * L + j] = observer[1] * x - observer[4] * y + second
+        w[13 * L + j] = observer[2] * x - observer[5] * y + third
+        w[14 * L + j] = observer[3] * x - observer[6] * y
+        w[11 * L + j] = y
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)

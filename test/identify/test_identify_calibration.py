@@ -180,7 +180,9 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("calibration") / "bag"
     topics = [
         joint_states("/azimuth/joint_states", times, {"azimuth": joint}),
-        encoded("/azimuth/reference", "tcs_friction_msgs/msg/AxisReference", times, {"position": run.reference}),
+        encoded(
+            "/azimuth/reference", "tcs_friction_msgs/msg/AxisReference", times, {"position": run.reference}
+        ),
         encoded("/azimuth/dynamometer", "geometry_msgs/msg/WrenchStamped", times[few], wrench),
     ]
     write_bag(path, topics)
@@ -199,7 +201,10 @@ def test_command_from_bag_to_files(bag: Path, tmp_path: Path, capsys: pytest.Cap
     assert control.observer.torque_scale == printed["torque_scale"]["value"]
     assert (tmp_path / "calibration.png").is_file()
     assert "uniform motion" in (tmp_path / "report.html").read_text()
-    assert main(["calibrate", str(bag), "--axis", str(tmp_path / "axis.yaml"), "-o", str(tmp_path / "again")]) == 0
+    assert (
+        main(["calibrate", str(bag), "--axis", str(tmp_path / "axis.yaml"), "-o", str(tmp_path / "again")])
+        == 0
+    )
     again = capsys.readouterr().out
     assert "torque scale" in again
     assert "99." in again.split("before")[1], "a calibrated axis file needs no calibration"
@@ -211,7 +216,10 @@ def test_command_names_what_is_missing(bag: Path, tmp_path: Path, capsys: pytest
     save_axis(bare, replace(FILE, signals=None))
     (tmp_path / "file").write_text("")
     for words, message in (
-        ([str(bag), "--axis", str(axis), "--dynamometer", "/azimuth/gauge", "-o", "x"], "no topic /azimuth/gauge"),
+        (
+            [str(bag), "--axis", str(axis), "--dynamometer", "/azimuth/gauge", "-o", "x"],
+            "no topic /azimuth/gauge",
+        ),
         ([str(bag), "--axis", str(axis), "--field", "wrench.torq.z", "-o", "x"], "torque"),
         ([str(bag), "--axis", str(bare), "-o", "x"], "no signals block"),
         ([str(bag), "--axis", str(axis), "-o", str(tmp_path / "file" / "out")], "cannot be written"),
@@ -224,4 +232,6 @@ def test_command_names_what_is_missing(bag: Path, tmp_path: Path, capsys: pytest
 
 def test_mapping_is_whole(legs: LoopRun) -> None:
     found: Calibration = calibrate([beside(legs)], CONTROL.observer)
-    assert json.loads(json.dumps(found.to_mapping(), allow_nan=False))["schema"] == "tcs_friction/calibration/1"
+    assert (
+        json.loads(json.dumps(found.to_mapping(), allow_nan=False))["schema"] == "tcs_friction/calibration/1"
+    )

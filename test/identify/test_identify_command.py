@@ -27,7 +27,9 @@ def test_emps_from_bag_to_files(
     assert main(words) == 0
     captured = capsys.readouterr()
     printed = json.loads(captured.out)
-    assert captured.err == f"tcs-friction: {folder / 'recording'}: time base: header stamps of /joint_states\n"
+    assert (
+        captured.err == f"tcs-friction: {folder / 'recording'}: time base: header stamps of /joint_states\n"
+    )
     written = json.loads((tmp_path / "identification.json").read_text())
     assert written == printed
     assert written["schema"] == "tcs_friction/identification/1"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, SPEED, axis_of, recording, series
+from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from tcs_friction.errors import InputError
 from tcs_friction.identify.comparison import compare_laws
@@ -85,8 +86,6 @@ def test_friction_series_of_an_observer() -> None:
 
 def test_the_observers_filter_is_part_of_the_model() -> None:
     """Friction that has passed a third-order Butterworth low pass, which lags: known, it does no harm."""
-    from scipy.signal import butter, sosfilt, sosfilt_zi
-
     raw = series(axis_of(), noise=0.2)
     sections = butter(3, 6.0, fs=500.0, output="sos")
     passed = sosfilt(sections, raw.friction, zi=sosfilt_zi(sections) * raw.friction[0])[0]
@@ -96,6 +95,19 @@ def test_the_observers_filter_is_part_of_the_model() -> None:
     assert known.parameters["static"].value == pytest.approx(LUGRE["static"], rel=0.01)
     assert abs(unknown.parameters["stiffness"].value / LUGRE["stiffness"] - 1.0) > 0.05
     assert known.rmse.train < unknown.rmse.train
+
+
+def test_population_methods_know_the_observers_filter() -> None:
+    """PSO-GA alone on friction behind a slow filter: near the truth with the filter known, far off without."""
+    raw = series(axis_of(), noise=0.2)
+    sections = butter(3, 6.0, fs=500.0, output="sos")
+    passed = sosfilt(sections, raw.friction, zi=sosfilt_zi(sections) * raw.friction[0])[0]
+    rows = []
+    for bandwidth in (6.0, 0.0):
+        data = FrictionSeries(raw.t, raw.velocity, passed, bandwidth=bandwidth)
+        rows.append(identify([data], axis_of(), method="pso-ga").parameters["static"].value)
+    assert rows[0] == pytest.approx(LUGRE["static"], rel=0.02)
+    assert abs(rows[1] - LUGRE["static"]) > 2.0 * abs(rows[0] - LUGRE["static"])
 
 
 def test_gaps_do_not_bend_the_result() -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, axis_of, walked
+from scipy.signal import butter, lfilter, lfilter_zi
 
 from tcs_friction.identify import kernels
+from tcs_friction.identify.cost import observer_filter
 
 VALUES = np.array(list(LUGRE.values()))
 
@@ -48,11 +50,28 @@ def test_costs_of_a_population_are_those_of_the_axis_model(count: int) -> None:
     carry[0] = 0.0
     candidates = population(count)
     out = np.empty(count)
-    kernels.squared_errors(velocity, travel, carry, acceleration, target, weight, candidates, out)
+    none = np.zeros(0)
+    kernels.squared_errors(velocity, travel, carry, acceleration, target, weight, none, candidates, out)
     for candidate, found in zip(candidates, out, strict=True):
         friction = walked(axis_of(dict(zip(LUGRE, candidate[:6], strict=True))).friction, t, position)
         errors = friction + candidate[6] * acceleration + candidate[7] - target
         assert found == pytest.approx(weight @ errors**2, rel=1e-9)
+
+
+def test_costs_behind_an_observers_filter() -> None:
+    """Friction of each stretch passes a Butterworth filter that starts settled."""
+    t, position, velocity, travel = motion()
+    random, observer = np.random.default_rng(0), observer_filter(15.0, 500.0)
+    target, zero = random.standard_normal(len(t)), np.zeros(len(t))
+    carry = np.ones(len(t))
+    carry[0] = 0.0
+    candidates, out = population(3), np.empty(3)
+    kernels.squared_errors(velocity, travel, carry, zero, target, zero + 1.0, observer, candidates, out)
+    b, a = butter(3, 15.0, fs=500.0)
+    for candidate, found in zip(candidates, out, strict=True):
+        friction = walked(axis_of(dict(zip(LUGRE, candidate[:6], strict=True))).friction, t, position)
+        passed = lfilter(b, a, friction, zi=lfilter_zi(b, a) * friction[0])[0]
+        assert found == pytest.approx(np.sum((passed + candidate[7] - target) ** 2), rel=1e-9)
 
 
 def test_normal_equations_hold_the_linear_part() -> None:

@@ -66,7 +66,9 @@ def test_the_fit_says_how_sure_it_is() -> None:
     std, scores = np.full(80, 0.02), []
     for _ in range(30):
         noise = random.standard_normal((2, 80)) * std
-        found = fit_second_order(Response(frequency, truth * (1.0 + noise[0] + 1j * noise[1]), np.ones(80), std))
+        found = fit_second_order(
+            Response(frequency, truth * (1.0 + noise[0] + 1j * noise[1]), np.ones(80), std)
+        )
         scores += [
             (found.parameters[name] - value) / found.std[name]
             for name, value in zip(("second", "first", "constant"), EQUATION_10, strict=True)
@@ -146,7 +148,10 @@ def test_a_gap_divides_a_recording() -> None:
     )  # fmt: skip
     assert len(parts) == 2
     assert all(part.instrument is not None for part in parts)
-    assert frequency_response(parts, 4.0, 40.0).coherence.shape == frequency_response(parts[:1], 4.0, 40.0).coherence.shape
+    assert (
+        frequency_response(parts, 4.0, 40.0).coherence.shape
+        == frequency_response(parts[:1], 4.0, 40.0).coherence.shape
+    )
 
 
 def test_what_cannot_be_done_is_named() -> None:
