@@ -45,7 +45,7 @@ setup(
     entry_points={
         "console_scripts": [
             "tcs-friction = tcs_friction.cli:main",
-            *(f"{name} = tcs_friction.nodes.{name}:main" for name in NODES),
+            *(f"{name} = tcs_friction.nodes.entry:{name}" for name in NODES),
         ],
     },
 )

@@ -9,6 +9,7 @@ import argparse
 import sys
 
 from tcs_friction.errors import InputError
+from tcs_friction.nodes.entry import end_at_once
 
 TAKES_ROS_ARGUMENTS = True
 
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the graph."""
+    end_at_once()
     try:
         from tcs_friction.nodes import graph
     except ModuleNotFoundError as error:

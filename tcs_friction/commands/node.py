@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 
 from tcs_friction.errors import InputError
+from tcs_friction.nodes.entry import start
 
 TAKES_ROS_ARGUMENTS = True
 
@@ -20,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the node."""
     try:
-        from tcs_friction.nodes.graph import run_node
+        return start(arguments.name, arguments.ros_arguments)
     except ModuleNotFoundError as error:
         raise InputError("node", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
-    return run_node(arguments.name, arguments.ros_arguments)
