@@ -124,7 +124,7 @@ def solve(case: Case) -> Outcome:
     """Diagnose one world with the tool and the baselines."""
     world = world_of(case)
     begin = time.perf_counter()
-    found = diagnose([world.recording], world.believed, seed=0).to_mapping()
+    found = diagnose([world.recording], world.believed).to_mapping()
     seconds = time.perf_counter() - begin
     others = baselines(world.recording, world.believed, world.truth.noise_floor)
     concealed = tuple(name for name in world.truth.effects if name not in OUTSIDE)
@@ -240,7 +240,7 @@ def limits_of(task: tuple[str, int, float]) -> tuple[str, float, float]:
     for trial in range(1, 9):
         case = Case("limit", (name,), (seed, index, trial), stretch, size)
         hidden = world_of(case)
-        entries = diagnose([hidden.recording], hidden.believed, seed=0).to_mapping()["effects"]
+        entries = diagnose([hidden.recording], hidden.believed).to_mapping()["effects"]
         seen = any(name in (entry["effect"], *entry["equivalent"]) for entry in entries)
         if before is not None and seen != before:
             factor = math.sqrt(factor) if factor > 1.3 else factor

@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     if file.signals is None:
         raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
     recordings = read_recordings(arguments.bags, file.signals)
-    found = diagnose(recordings, file, seed=arguments.seed, progress=progress)
+    found = diagnose(recordings, file, progress=progress)
     progress(1.0, "writing")
     report = write_diagnosis(arguments.output, found)
     if sys.stderr.isatty():

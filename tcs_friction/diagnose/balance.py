@@ -15,12 +15,14 @@ import numpy as np
 from scipy import ndimage, signal
 
 from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.physics import machine
+from tcs_friction.diagnose.parts import Parts
+from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Parameter, Place, Role
 
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
+FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 
 
@@ -150,11 +152,13 @@ class Balance:
         self.ends = np.cumsum([0, *self.sizes])
         self.train = data.joined("train")
         self.held_out = data.joined("held_out")
+        self.pieces = data.joined("piece")
         self.local_weight = np.ones(
             len(self.train)
         )  # 1/variance of the whitened noise relative to the record's
         self.torque_size = float(np.sqrt(np.mean(data.joined("torque")[self.train] ** 2)))
-        self.evaluations = 0
+        self.parts = Parts(data)
+        self.reproducible = Reproducible(data)
         self._refresh_rows()
 
     def free(self, axis: Axis) -> list[Free]:
@@ -170,45 +174,15 @@ class Balance:
         bounds = (max(believed - leeway, 0.0), believed + leeway)
         return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
 
-    def evaluate(self, axis: Axis) -> np.ndarray:
-        """(n, 8) as `machine.evaluate` writes it, stretches one after the other."""
-        data = self.data
-        resolution = max(2.0 * data.velocity_noise, 1e-12)
-        parts = []
-        for s in data.stretches:
-            out = np.empty((len(s.train), 8))
-            compiled = machine.build(
-                axis, data.dt / data.stride, signals=data.names, position=float(s.position[0])
-            )
-            machine.evaluate(
-                compiled,
-                s.t,
-                s.position,
-                s.velocity,
-                s.acceleration,
-                s.torque,
-                s.signals,
-                resolution,
-                out,
-                data.stride,
-            )
-            parts.append(out)
-        self.evaluations += 1
-        return np.concatenate(parts)
-
     def residual(self, axis: Axis) -> np.ndarray:
-        """Torque residual (n,), N m."""
-        return self.residual_of(self.evaluate(axis))
-
-    def residual_of(self, out: np.ndarray) -> np.ndarray:
-        """Residual of an evaluation, as large as if the drive passed all of the logged torque on.
+        """Torque residual (n,), N m, as large as if the drive passed all of the logged torque on.
 
         A drive that swallows the torque would need no friction and leave no residual: the torque is no measure of itself.
         """
-        rotor = out[:, machine.ROTOR]
+        rotor = self.parts.rotor(axis)
         size = float(np.sqrt(np.mean(rotor[self.train] ** 2)))
         scale = max(self.torque_size / size, 1.0) if size > 0.0 else 1.0
-        return np.asarray(scale * (rotor - out[:, machine.REQUIRED]))
+        return np.asarray(scale * (rotor - self.parts.required(axis)))
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""
@@ -295,7 +269,8 @@ class Balance:
         return max(4, int(min(WHITENING_SECONDS / self.data.dt, block / 20.0)))
 
     def noise_spectrum(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies (Hz) and robust power density of a residual on train data, N m^2/Hz."""
+        """Frequencies (Hz) and robust power density of what a residual has beside its reproducible part, train data, N m^2/Hz."""
+        residual = self.reproducible.remove(residual)
         length = 1 << max(5, min(10, int(math.log2(max(len(self.rows) / 24.0, 32)))))
         window = signal.get_window("hann", length)
         scale = 2.0 * self.data.dt / np.sum(window**2)
@@ -319,15 +294,27 @@ class Balance:
         frequency, power = self.noise_spectrum(residual)
         return math.sqrt(float(np.trapezoid(power, frequency)))
 
-    def jacobian(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
-        """Derivative of the whitened residual (rows, k) by the free numbers, by forward differences."""
+    def misfit(self, axis: Axis) -> float:
+        """Power of the residual over that of its noise, at least one: how far the best model is from all that could be known."""
+        residual = self.residual(axis)
+        return max(
+            1.0, float(np.mean(residual[self.train] ** 2)) / max(self.noise_floor(residual) ** 2, 1e-300)
+        )
+
+    def columns(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
+        """Derivative of the residual (n, k) by the free numbers, by forward differences; at an upper bound backwards."""
         numbers = get(axis, free)
-        columns = np.empty((len(self.rows), len(free)))
+        columns = np.empty((len(residual), len(free)))
         for k, f in enumerate(free):
             moved = numbers.copy()
-            moved[k] += f.scale
-            columns[:, k] = self.whiten(self.residual(put(axis, free, moved)) - residual) / f.scale
+            step = -f.scale if at_bound(axis, free, k) == 1 else f.scale
+            moved[k] = numbers[k] + step
+            columns[:, k] = (self.residual(put(axis, free, moved)) - residual) / step
         return columns
+
+    def jacobian(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
+        """Derivative of the whitened residual (rows, k)."""
+        return self.whiten(self.columns(axis, free, residual))
 
     def fit(
         self,
@@ -340,7 +327,8 @@ class Balance:
         """Levenberg-Marquardt on whitened train residuals.
 
         `prior` (k,) is the standard deviation that keeps a number that the data do not determine near its start (inf: none).
-        Stops when a step gains less than `tolerance` (units of chi-squared).
+        Stops when a step gains less than `tolerance` (units of chi-squared, of the noise that the fit itself shows). Derivatives
+        that foretold a step's gain serve for the next one, too.
         """
         start = get(axis, free)
         strength = np.zeros(len(free)) if prior is None else 1.0 / np.asarray(prior) ** 2
@@ -348,12 +336,14 @@ class Balance:
         white = self.whiten(residual)
         cost = float(white @ white)
         damping, converged, numbers = 1e-4, False, start.copy()
-        normal = np.diag(strength)
+        normal, foretold = np.diag(strength), False
+        columns = np.empty((0, len(free)))
         for _ in range(iterations):
-            columns = self.jacobian(axis, free, residual)
-            normal = columns.T @ columns + np.diag(strength)
+            if not foretold:
+                columns = self.jacobian(axis, free, residual)
+                normal = columns.T @ columns + np.diag(strength)
             gradient = columns.T @ white + strength * (numbers - start)
-            before = cost
+            before, foretold = cost, False
             for _ in range(6):
                 diagonal = np.maximum(np.diag(normal), 1e-12 * max(float(np.max(np.diag(normal))), 1e-300))
                 step = -np.linalg.lstsq(normal + damping * np.diag(diagonal), gradient, rcond=None)[0]
@@ -364,6 +354,8 @@ class Balance:
                 moved = get(trial, free)
                 trial_cost = float(trial_white @ trial_white + strength @ (moved - start) ** 2)
                 if np.isfinite(trial_cost) and trial_cost < cost:
+                    expected = -float(step @ (2.0 * gradient + normal @ step))
+                    foretold = abs(cost - trial_cost - expected) < FORETOLD * expected
                     axis, numbers, residual, white, cost = (
                         trial,
                         moved,
@@ -374,12 +366,23 @@ class Balance:
                     damping = max(damping * 0.2, 1e-9)
                     break
                 damping *= 8.0
-            if before - cost < tolerance:
+            if before - cost < tolerance * max(1.0, cost / self.effective_count):
                 converged = True
                 break
         covariance = np.linalg.pinv(normal, hermitian=True)
         squares = float(white @ white)
         return Fit(axis, tuple(free), covariance, squares, converged)
+
+
+def at_bound(axis: Axis, free: Sequence[Free], k: int) -> int:
+    """Whether number k cannot grow (1), cannot shrink (-1) or is free to move (0)."""
+    numbers = get(axis, free)
+    for sign in (1, -1):
+        moved = numbers.copy()
+        moved[k] += sign * free[k].scale
+        if not sign * (get(put(axis, free, moved), free)[k] - numbers[k]) > 0.0:
+            return sign
+    return 0
 
 
 def _limited(step: np.ndarray, free: Sequence[Free]) -> np.ndarray:

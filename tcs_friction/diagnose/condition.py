@@ -1,8 +1,9 @@
 """Conditions recordings for torque balances: one uniform time base, motion and torque through one zero-phase filter.
 
 Position, velocity and acceleration come from the same low-passed position (differentiated in the frequency domain, so
-without differentiation noise of their own), and torque and all other signals pass the same filter. The cutoff is where
-the position's spectrum sinks into its own noise floor: beyond it a velocity is noise.
+without differentiation noise of their own), and torque and all other signals pass the same filter. Torques are compared up to
+where the position's spectrum sinks into its own noise floor: beyond it an acceleration is noise. Friction is no linear function
+of the motion, so motion is kept in a wider band and the torques that it demands are narrowed afterwards.
 """
 
 from __future__ import annotations
@@ -20,12 +21,18 @@ from tcs_friction.recording.recording import Recording
 SHORTEST = 2.0  # s; a shorter stretch is left out
 FEWEST = 200  # samples
 EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends of a stretch
-EDGE_SECONDS = 0.25
+EDGE_SECONDS = 0.1
 SAMPLES_PER_PERIOD = 5.0  # compared, of the cutoff
 STEPS_PER_PERIOD = 12.0  # at which motion is evaluated: bristles need finer steps than the comparison
 FILTER_ORDER = 8
+WIDE = 2.0  # band of the motion over that of the comparison
+WIDEST = 0.4  # of the sampling rate
+TAPS = 2.0  # periods of the cutoff on each side, of the filter that narrows torques
+CLEAR = 5.0  # power over that of the position's noise that counts as a signal
 HELD_OUT = 0.25  # share of the data
-BLOCKS = 16  # that a lone recording is cut into to hold some out
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+BLOCKS = 16  # at most, that a lone recording is cut into to hold some out
+BLOCK_EDGES = 5.0  # a block is at least so many times as long as the edge that is lost between two
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +50,14 @@ class Stretch:
     signals: np.ndarray  # temperature, then exogenous
     train: np.ndarray  # bool: may be fitted
     held_out: np.ndarray  # bool: never seen before the proof
+    piece: np.ndarray  # int: block of the data, as long as a held-out one
 
 
 @dataclass(frozen=True, eq=False)
 class Conditioned:
     """Recordings ready for torque balances.
 
-    cutoff: of the common filter, Hz. period: of the recording, s.
+    cutoff: up to which torques are compared, Hz; the motion's band is WIDE times as wide. period: of the recording, s.
     dt: s between samples that are compared, every `stride`-th that is evaluated.
     velocity_noise: rad/s rms left in the velocity.
     position_noise: rad rms before filtering.
@@ -69,8 +77,17 @@ class Conditioned:
 
     def joined(self, name: str) -> np.ndarray:
         """One quantity over all stretches at the samples that are compared."""
-        step = 1 if name in ("train", "held_out") else self.stride
+        step = 1 if name in ("train", "held_out", "piece") else self.stride
         return np.concatenate([getattr(s, name)[..., ::step] for s in self.stretches], axis=-1)
+
+    def narrowed(self, x: np.ndarray) -> np.ndarray:
+        """A torque (n,) of one stretch at the samples that are evaluated, low-passed at the cutoff where it is compared."""
+        step = self.dt / self.stride
+        taps = self.stride * math.ceil(TAPS / (self.cutoff * self.dt))
+        weights = signal.firwin(2 * taps + 1, min(2.0 * self.cutoff * step, 0.99), window="hann")
+        filtered = signal.upfirdn(weights, np.pad(x, taps, mode="edge"), down=self.stride)
+        first = 2 * taps // self.stride
+        return np.ascontiguousarray(filtered[first : first - (-len(x) // self.stride)])
 
 
 def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> list[np.ndarray]:
@@ -106,7 +123,7 @@ def position_spectrum(position: np.ndarray, dt: float) -> tuple[np.ndarray, np.n
 def choose_cutoff(position: np.ndarray, dt: float) -> tuple[float, float]:
     """Cutoff (Hz), 1.4 times where the position sinks into its noise (the filter halves there), and that noise (rad rms)."""
     frequency, power, floor = position_spectrum(position, dt)
-    above = ndimage.median_filter(power, 9) > 4.0 * floor
+    above = ndimage.median_filter(power, 9) > CLEAR * floor
     share = np.cumsum(above) / np.arange(1, len(above) + 1)
     clear = np.nonzero(above & (share > 0.8))[0]
     cutoff = 1.4 * frequency[clear[-1]] if len(clear) else frequency[0]
@@ -147,25 +164,27 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     step = max(1, int(1.0 / (STEPS_PER_PERIOD * cutoff * dt)))
     stride = max(1, int(1.0 / (SAMPLES_PER_PERIOD * cutoff * dt * step)))
     notes.append(
-        f"motion and torque low-passed at {cutoff:.3g} Hz (position noise {noise:.2g} rms), evaluated at "
+        f"torques compared up to {cutoff:.3g} Hz (position noise {noise:.2g} rms), evaluated at "
         f"{1 / (step * dt):.4g} Hz, compared at {1 / (step * stride * dt):.4g} Hz"
     )
-    velocity_noise = noise * 2.0 * math.pi * cutoff * math.sqrt(2.0 * dt * cutoff / 3.0)
+    wide = min(WIDE * cutoff, WIDEST / dt)
+    velocity_noise = noise * 2.0 * math.pi * wide * math.sqrt(2.0 * dt * wide / 3.0)
     names = tuple(recordings[0].exogenous)
-    parts = [_filtered(piece, dt, cutoff, step) for piece in uniform]
+    parts = [_filtered(piece, dt, wide, step) for piece in uniform]
     sizes = [-(-len(part["t"]) // stride) for part in parts]
+    edge = math.ceil(max(EDGE_PERIODS / cutoff, EDGE_SECONDS) / (step * stride * dt))
+    blocks = _blocks(sizes, edge)
     masks = (
-        _hold_out([r for r, _ in long], sizes, len(recordings))
+        _hold_out([r for r, _ in long], blocks, len(recordings))
         if held_out
         else [np.zeros(n, bool) for n in sizes]
     )
-    edge = math.ceil(max(EDGE_PERIODS / cutoff, EDGE_SECONDS) / (step * stride * dt))
     stretches = []
-    for part, mask in zip(parts, masks, strict=True):
+    for part, mask, block in zip(parts, masks, blocks, strict=True):
         usable = np.zeros(len(mask), bool)
         usable[edge:-edge] = True
         gap = ndimage.binary_dilation(mask, iterations=edge) if mask.any() else mask
-        stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask))
+        stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask, piece=block))
     temperature = all(r.temperature is not None for r in recordings)
     return Conditioned(
         tuple(stretches),
@@ -270,15 +289,21 @@ def _filtered(
     }
 
 
-def _hold_out(recordings: Sequence[Recording], sizes: list[int], count: int) -> list[np.ndarray]:
-    """Masks of held-out samples: the last whole recordings of several, every fourth block of a lone one."""
+def _blocks(sizes: list[int], edge: int) -> list[np.ndarray]:
+    """Number of the block (n,) of every sample of each stretch; blocks go on through stretches."""
+    total = sum(sizes)
+    blocks = min(max(int(total / (BLOCK_EDGES * edge)), round(1.0 / HELD_OUT)), BLOCKS)
+    return np.split(np.arange(total) * blocks // total, np.cumsum(sizes)[:-1])
+
+
+def _hold_out(recordings: Sequence[Recording], blocks: list[np.ndarray], count: int) -> list[np.ndarray]:
+    """Masks of held-out samples: the last whole recordings of several, blocks of a lone one at irregular distances.
+
+    Regular ones would always hold the same part of a motion that repeats; multiples of the golden ratio never fall into step.
+    """
     if count > 1:
         sources = [id(r) for r in recordings]
         order = list(dict.fromkeys(sources))
         held = set(order[-max(1, round(HELD_OUT * len(order))) :])
-        return [np.full(n, source in held) for n, source in zip(sizes, sources, strict=True)]
-    total = sum(sizes)
-    index = np.arange(total) * BLOCKS // total
-    period = round(1.0 / HELD_OUT)
-    mask = index % period == period // 2
-    return np.split(mask, np.cumsum(sizes)[:-1])
+        return [np.full(len(b), source in held) for b, source in zip(blocks, sources, strict=True)]
+    return [(block * GOLDEN + 0.5) % 1.0 < HELD_OUT for block in blocks]

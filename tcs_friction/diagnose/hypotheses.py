@@ -17,12 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.balance import Balance, Free, pairs
+from tcs_friction.diagnose.balance import Balance, Free, at_bound, pairs
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
+PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
+EXCESS_WIDTH = 2.0  # Hz
+SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
 PEAKS = 3  # of a spectrum that are tried exactly
 
 
@@ -49,8 +52,11 @@ class Background:
         self.free = list(free)
         self.residual = balance.residual(axis)
         base = balance.jacobian(axis, self.free, self.residual)
-        norms = np.linalg.norm(base, axis=0)
-        base = base[:, norms > 0.0] / norms[norms > 0.0]
+        kept = (
+            np.linalg.norm(base, axis=0) * [not at_bound(axis, self.free, k) for k in range(len(self.free))]
+            > 0.0
+        )
+        base = base[:, kept] / np.linalg.norm(base[:, kept], axis=0)
         left, singular, _ = np.linalg.svd(base, full_matrices=False)
         self.base = np.ascontiguousarray(left[:, singular > 1e-9 * singular[0]]) if base.size else base
         self.white = self.project(balance.whiten(self.residual))
@@ -103,7 +109,11 @@ def eligible(axis: Axis, balance: Balance) -> list[tuple[Term, str | None]]:
     present = {(e.term.id, e.signal) for e in axis.effects}
     result: list[tuple[Term, str | None]] = []
     for term in effects().values():
-        if term.tabulated or (term.temperature and not data.temperature):
+        if (
+            term.tabulated
+            or (term.rotary and axis.kind != "rotary")
+            or (term.temperature and not data.temperature)
+        ):
             continue
         if (term.id == "stribeck" and "static" in names) or (term.id == "presliding" and bristles):
             continue
@@ -169,9 +179,17 @@ def _judge_linear(
     gain, amplitudes = background.gain(columns[:, keep] / norms[keep])
     full = np.zeros(len(items))
     full[keep] = amplitudes / norms[keep]
+    if _impossible(term, full):
+        return None
     return Start(
         _with_amplitudes(term, values, signal_name, full), gain, int(keep.sum()) + len(values), looks
     )
+
+
+def _impossible(term: Term, amplitudes: np.ndarray) -> bool:
+    """Whether the effect's only linear number has a sign that its declaration forbids."""
+    linear = [p for p, phase in pairs(term.parameters) if p.role is Role.LINEAR and phase is None]
+    return len(linear) == len(amplitudes) == 1 and linear[0].lower == 0.0 and amplitudes[0] <= 0.0
 
 
 def _with_amplitudes(
@@ -231,7 +249,7 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
     if not len(grid):
         return []
     name = term.parameters[0].name
-    excess = _excess(score) if term.periodic == "time" else np.ones(len(score))
+    excess = _excess(grid, score) if term.periodic == "time" else np.ones(len(score))
     tries: list[int] = []
     spacing = 3
     for index in np.argsort(score / excess)[::-1]:
@@ -243,22 +261,26 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
     for index in tries:
         order = float(grid[index])
         harmonics = max(1, sum(p.role is Role.PHASE for p in term.parameters)) if not found else 1
-        fundamentals = [order / m for m in range(1, harmonics + 1)]
-        for fundamental in fundamentals:
+        own: Start | None = None
+        for fundamental in (order / m for m in range(1, harmonics + 1)):
             if fundamental < grid[0]:
                 continue
             start = _judge_linear(background, term, {name: fundamental}, None, looks)
-            if start is not None:
-                found.append(replace(_pruned(background, start, looks), excess=float(excess[index])))
+            if start is None:
+                continue
+            start = replace(_pruned(background, start, looks), excess=float(excess[index]))
+            if own is None or start.gain > (1.0 + SUBMULTIPLE) * own.gain:
+                found.append(start)
+            own = own or start
     return sorted(found, key=lambda start: 12.0 * start.count - start.gain / start.excess)[:2]
 
 
-def _excess(score: np.ndarray) -> np.ndarray:
+def _excess(grid: np.ndarray, score: np.ndarray) -> np.ndarray:
     """Running median of a spectrum of gains over what its chi-squared of two would have, at least one.
 
-    A noise spectrum that is too smooth for a narrow resonance of the noise shows here.
+    A noise spectrum that is too smooth for a narrow resonance of the noise shows here; a line and its side lobes are narrower.
     """
-    width = min(max(len(score) // 200, 101), 2001)
+    width = max(round(EXCESS_WIDTH / (grid[1] - grid[0])), 101) if len(grid) > 1 else 1
     return np.asarray(
         np.maximum(ndimage.median_filter(score, width, mode="nearest") / (2.0 * math.log(2.0)), 1.0)
     )
@@ -345,7 +367,7 @@ def _order_range(term: Term, span: float, view: Survey, cycle: float) -> tuple[f
     highest = min(highest, 2.0 * math.pi * MOST_PERIODS / span)
     if term.id == "position_dependent_friction":
         return max(0.5 * once, 0.0), min(12.0 * max(once, 1.0), highest)
-    return max(2.0 * once, 1.5 if cycle == 1.0 else 0.0), highest
+    return max(PERIODS * once, 1.5 if cycle == 1.0 else 0.0), highest
 
 
 def _carrier(background: Background, term: Term, flat: Mapping[str, float]) -> np.ndarray:

@@ -16,18 +16,25 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.balance import Balance, Fit, Free
-from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion
+from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
+from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion, survey
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Place, Term
+from tcs_friction.physics.terms import Instance, Place, Role, Term
 
+SAME = 2.0 * math.log(
+    100.0
+)  # odds of 100 to 1: gain, in units of the misfit, by which an effect must beat a rival
+ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 FALSE_ALARM = 1e-3  # chance over the whole vocabulary
 MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
-LARGEST = 0.5  # of the logged torque's rms: a larger effect cancels against another one and is no physics
+LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
-MOST = 5  # effects
+MOST = 6  # effects
+REACH = 3.0  # times the proposed values, within which an effect can be told from others
+WORSE = 1.01  # by which the plain residual may grow on pieces that a candidate was not fitted to
+ONCE = 0.1  # of a candidate's gain at least must come from other pieces than the best
 PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
 Progress = Callable[[float, str], None]
 
@@ -52,6 +59,7 @@ class Rivals:
     """One chosen effect against the rest of the vocabulary in its place: the fit without it, and all candidates, best first."""
 
     without: Fit
+    same: float  # gain below which candidates cannot be told apart
     gain: float  # of the chosen effect, in units of the noise
     candidates: list[Candidate]
 
@@ -134,7 +142,9 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     gain = (base.squares - fit.squares) / spread / start.excess
     alone = replace(fit.axis, effects=fit.axis.effects[:-1])
     own = balance.residual(alone) - balance.residual(fit.axis)
-    if float(np.std(own[balance.train])) > LARGEST * balance.torque_size:
+    if float(np.std(own[balance.train])) > LARGEST * balance.torque_size or _out_of_reach(
+        balance, axis, fit.axis.effects[-1]
+    ):
         gain = 0.0
     elif follows_motion(term) and term.coordinate != "frequency":
         before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
@@ -143,6 +153,96 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
         if slow < chance(balance, start.count, start.looks):
             gain = min(gain, slow)
     return Candidate(name, gain, limit, fit)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Squares of a fit on pieces (p,) of the train data that it is not fitted to: whitened, and of the plain residual."""
+
+    white: np.ndarray
+    plain: np.ndarray
+
+
+def _out_of_reach(balance: Balance, axis: Axis, item: Instance) -> bool:
+    """Whether a fit ended at a declared bound, or far from all values that the effect proposes for such a recording."""
+    for parameter in item.term.parameters:
+        value = item.values[parameter.name]
+        if parameter.role in (Role.FIXED, Role.PHASE) or value == parameter.default or value == 0.0:
+            continue
+        near = 1e-3 * abs(value)
+        if abs(value - parameter.lower) < near or abs(value - parameter.upper) < near:
+            return True
+    scans = item.term.scan(survey(balance, axis))
+    for name in scans[0] if len(scans) else ():
+        values = {scan[name] for scan in scans}
+        given = item.values[name] != item.term.parameter(name).default
+        if given and len(values) > 2 and not min(values) / REACH < item.values[name] < REACH * max(values):
+            return True
+    return False
+
+
+def left_out(balance: Balance, fit: Fit) -> LeftOut:
+    """Leave one piece out at a time, linear about the optimum; a piece is as long as a held-out block."""
+    residual = balance.residual(fit.axis)
+    plain = balance.columns(fit.axis, fit.free, residual)
+    stuck = [at_bound(fit.axis, fit.free, k) != 0 for k in range(len(fit.free))]
+    size = np.where(stuck, 0.0, np.linalg.norm(plain, axis=0))
+    plain = plain / np.where(size > 0.0, size, np.inf)
+    columns, white = balance.whiten(plain), balance.whiten(residual)
+    strength = np.where(size > 0.0, prior(fit.free) ** -2.0 / np.where(size > 0.0, size, 1.0) ** 2, 1.0)
+    normal, scores = columns.T @ columns + np.diag(strength), columns.T @ white
+    piece = balance.pieces
+    own = piece[balance.rows]
+    squares = LeftOut(np.zeros(piece.max() + 1), np.zeros(piece.max() + 1))
+    for number in range(len(squares.white)):
+        left, every = own == number, (piece == number) & balance.train
+        if not left.any():
+            continue
+        some = columns[left]
+        others = normal - some.T @ some
+        step = -np.linalg.lstsq(others, scores - some.T @ white[left], rcond=1e-10)[0]
+        squares.white[number] = np.sum((white[left] + some @ step) ** 2)
+        squares.plain[number] = np.sum((residual[every] + plain[every] @ step) ** 2)
+    return squares
+
+
+def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: float) -> list[Candidate]:
+    """Candidates, best first, the best of them confirmed: what it gains, it gains on pieces that it was not fitted to.
+
+    There the plain residual must not grow, and what depends on the place not gain in a single piece: it comes back to its place.
+    """
+    before: LeftOut | None = None
+    if not candidates:
+        return []
+    waiting: list[Candidate] = list(candidates)
+    done: list[Candidate] = []
+    while True:
+        best = simplest(balance, [*waiting, *done])
+        if best.score <= 0.0 or any(best is candidate for candidate in done):
+            break
+        before = left_out(balance, fit) if before is None else before
+        after = left_out(balance, best.fit)
+        gains = (before.white - after.white) / spread
+        gain = float(gains.sum())
+        placed = best.fit.axis.effects[-1].term.coordinate == "position"
+        if placed and gain - float(gains.max()) < ONCE * gain:
+            gain = 0.0
+        if after.plain.sum() > WORSE * before.plain.sum():
+            gain = 0.0
+        waiting.remove(best)
+        done.append(replace(best, gain=min(best.gain, gain + best.threshold if gain > 0.0 else gain)))
+    rest = sorted((c for c in (*waiting, *done) if c is not best), key=lambda candidate: -candidate.score)
+    return [best, *rest]
+
+
+def simplest(balance: Balance, candidates: list[Candidate]) -> Candidate:
+    """The best candidate; of those that the data cannot tell from it, the one with the fewest declared parameters."""
+    best = max(candidates, key=lambda candidate: candidate.score)
+    if best.score <= 0.0:
+        return best
+    same = SAME * balance.misfit(best.fit.axis)
+    close = [c for c in candidates if c.score > max(best.score - same, 0.0)]
+    return min(close, key=lambda c: (len(c.fit.axis.effects[-1].term.parameters), -c.score))
 
 
 def one_round(
@@ -167,7 +267,7 @@ def one_round(
         seen[key] = seen.get(key, 0) + 1
         promising.append(start)
     candidates = list(pool.map(lambda start: refine(balance, fit.axis, start, base, spread), promising))
-    return sorted(candidates, key=lambda candidate: -candidate.score)
+    return confirmed(balance, base, candidates, spread)
 
 
 def without(balance: Balance, fit: Fit, index: int) -> Fit:
@@ -229,17 +329,20 @@ def contest(
     gain = (alone.squares - _judged(balance, fit).squares) / spread
     item = fit.axis.effects[index]
     name = item.term.id + (f":{item.signal}" if item.signal else "")
-    scale = max(1.0, alone.squares / balance.effective_count) / spread
     candidates = [
-        replace(c, gain=c.gain * scale) for c in one_round(balance, alone, pool, barred) if c.name != name
+        replace(c, gain=(alone.squares - c.fit.squares) / spread) if c.score > 0.0 else c
+        for c in one_round(balance, alone, pool, barred)
+        if c.name != name
     ]
+    candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
-    if candidates and candidates[0].score > gain - threshold(balance, item.term, count, 1.0) + 10.0:
+    same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)
+    if candidates and candidates[0].score > gain - threshold(balance, item.term, count, 1.0) + same:
         best = candidates[0]
         order = [*range(index), len(best.fit.axis.effects) - 1, *range(index, len(best.fit.axis.effects) - 1)]
         swapped = replace(best.fit.axis, effects=tuple(best.fit.axis.effects[i] for i in order))
-        return settle(balance, swapped, rounds=1), Rivals(alone, best.gain, candidates[1:])
-    return fit, Rivals(alone, gain, candidates)
+        return settle(balance, swapped, rounds=1), Rivals(alone, same, best.gain, candidates[1:])
+    return fit, Rivals(alone, same, gain, candidates)
 
 
 def prune(balance: Balance, fit: Fit, believed: int) -> Fit:

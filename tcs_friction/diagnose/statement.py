@@ -31,10 +31,12 @@ def statement(
     else:
         names = " and ".join(_phrase(found, unit) for found in effects)
         gain = f"the held-out residual falls from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
+        over = " and ".join((unexplained.where or {}).get("coordinates", []))
         if verdict == "missing_physics":
             text = f"The model lacks {names}: with {'it' if len(effects) == 1 else 'them'} {gain}."
+            if unexplained.present:
+                text += f" Something else remains, {unexplained.torque_rms:.3g} {unit} rms over {over}."
         else:
-            over = " and ".join((unexplained.where or {}).get("coordinates", []))
             text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
             text += f", beside {names}" if names else ""
             text += f"; with a learned map {gain}: look at what changes with {over}."

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, stats
 
-from tcs_friction.diagnose.balance import Balance, Fit, get, put
+from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
 from tcs_friction.diagnose.coarse import Coarse, slow_excess
 from tcs_friction.physics.terms import Table
@@ -132,14 +132,8 @@ def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:
 
 def _base(balance: Balance, fit: Fit, residual: np.ndarray, coarse: Coarse) -> np.ndarray:
     """Chunk means (chunks, k) of the residual's derivatives by the free numbers, and of a constant: `torque_bias` is no map."""
-    numbers = get(fit.axis, fit.free)
-    columns = [np.ones(coarse.count)]
-    for k, f in enumerate(fit.free):
-        moved = numbers.copy()
-        moved[k] += f.scale
-        changed = balance.residual(put(fit.axis, fit.free, moved))
-        columns.append(coarse.mean(changed - residual) / f.scale)
-    return np.stack(columns, axis=1)
+    derivatives = balance.columns(fit.axis, fit.free, residual)
+    return np.column_stack([np.ones(coarse.count), coarse.mean(derivatives)])
 
 
 def _hats(ground: _Ground, coordinate: str, count: int) -> Hats | None:

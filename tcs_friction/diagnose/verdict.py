@@ -27,8 +27,9 @@ from tcs_friction.physics.terms import Instance, Role, instance
 from tcs_friction.recording.recording import Recording
 
 RETUNED = 1.05  # the believed residual over the retuned one from which parameters are called wrong
-SAME = 2.0 * math.log(100.0)  # gain by which an effect must beat a rival to be told from it: odds of 100 to 1
 CANCELLED = 0.4  # of the single effects' power that is left of them together
+REST = 0.1  # of the power that the named effects explain, from which what remains is the verdict
+FAR = 2.0  # noise floors, from which a residual is not noise whatever it looks like
 TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 PLOTTED = 6000  # samples in pictures
 
@@ -38,7 +39,6 @@ Progress = Callable[[float, str], None]
 def diagnose(
     recordings: Sequence[Recording],
     file: AxisFile,
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find what the axis file lacks against recordings of the real axis.
@@ -60,36 +60,43 @@ def diagnose(
     impossible = barred(data, file.axis)
     selection = select(balance, file.axis, tell, impossible)
     tell(0.75, "looking for structure that remains")
-    fit, structure = _with_structure(balance, selection)
-    if structure is None:
+    structure = remaining_structure(balance, selection.chosen)
+    plain = _plain_map(balance, selection, structure)
+    if plain is not None:
+        fit, structure = plain
+    else:
         contend(balance, selection, len(file.axis.effects), tell, impossible)
-        fit = selection.chosen
+        fit = selection.chosen if structure is None else _mapped(balance, selection.chosen, structure)
     tell(0.92, "proving on held-out data")
-    return _Judge(data, balance, file, selection, fit, structure, seed).diagnosis()
+    return _Judge(data, balance, file, selection, fit, structure).diagnosis()
 
 
-def _with_structure(balance: Balance, selection: Selection) -> tuple[Fit, Structure | None]:
-    """The chosen fit with a learned map where significant structure remains.
+def _plain_map(
+    balance: Balance, selection: Selection, structure: Structure | None
+) -> tuple[Fit, Structure] | None:
+    """A learned map on the retuned axis alone, where it does as well as the chosen effects; then none of them is named.
 
-    Physics outside the vocabulary makes parts of it look like effects, often large ones that cancel each other. Where
-    structure remains or the effects cancel, and a map on the retuned axis alone does as well, no effect is named.
+    Physics outside the vocabulary makes parts of it look like effects, often large ones that cancel each other: only where
+    structure remains or the effects cancel is this asked.
     """
-    fit = selection.chosen
-    structure = remaining_structure(balance, fit)
+    fit, believed = selection.chosen, len(selection.retuned.axis.effects)
+    if len(fit.axis.effects) == believed:
+        return None
+    if structure is None and _cancellation(balance, fit, believed) > CANCELLED:
+        return None
     best = fit if structure is None else _mapped(balance, fit, structure)
-    if len(fit.axis.effects) == len(selection.retuned.axis.effects):
-        return best, structure
-    if structure is None and _cancellation(balance, fit, len(selection.retuned.axis.effects)) > CANCELLED:
-        return best, None
     balance.estimate_noise(balance.residual(best.axis))
     plain = remaining_structure(balance, selection.retuned)
     if plain is None or plain.table is None:
-        return best, structure
+        return None
     alone = _mapped(balance, selection.retuned, plain)
-    spread = max(1.0, best.squares / balance.effective_count)
+    spread = max(1.0, _squares(balance, best) / balance.effective_count)
     lost = (_squares(balance, alone) - _squares(balance, best)) / spread
     needed = chance(balance, len(best.free) - len(alone.free), 1.0)
-    return (alone, plain) if lost < max(needed, TIE * balance.effective_count) else (best, structure)
+    plainly = np.mean([balance.residual(x.axis)[balance.train] ** 2 for x in (alone, best)], axis=1)
+    if lost > max(needed, TIE * balance.effective_count) or plainly[0] > (1.0 + TIE) * plainly[1]:
+        return None
+    return alone, plain
 
 
 def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
@@ -129,7 +136,6 @@ class _Judge:
     selection: Selection
     fit: Fit
     structure: Structure | None
-    seed: int
 
     def diagnosis(self) -> Diagnosis:
         axes = {"believed": self.file.axis, "retuned": self.selection.retuned.axis, "improved": self.fit.axis}
@@ -138,9 +144,9 @@ class _Judge:
         located = atlas(self.balance, self.selection.retuned.axis, residuals["retuned"])
         found = tuple(self._found(i) for i in range(len(self.file.axis.effects), len(self._vocabulary())))
         found = tuple(sorted(found, key=lambda f: -f.torque_rms))
-        verdict = self._verdict(errors)
         floor = self.balance.noise_floor(residuals["improved"])
-        unexplained = self._unexplained()
+        unexplained = self._unexplained(errors, floor)
+        verdict = self._verdict(errors, unexplained)
         runs = {name: free_run(self.data, axis) for name, axis in axes.items()}
         lines = limits(self.data, self.file.axis)
         return Diagnosis(
@@ -169,10 +175,12 @@ class _Judge:
         train, held = residual[self.balance.train], residual[self.balance.held_out]
         return Errors(_rms(train), _rms(held) if len(held) else _rms(train))
 
-    def _verdict(self, errors: Mapping[str, Errors]) -> str:
-        if self.structure is not None:
+    def _verdict(self, errors: Mapping[str, Errors], unexplained: Unexplained) -> str:
+        named = len(self._vocabulary()) - len(self.file.axis.effects)
+        explained = errors["retuned"].train ** 2 - errors["improved"].train ** 2
+        if unexplained.present and (not named or unexplained.torque_rms**2 > REST * explained):
             return "unexplained"
-        if len(self.fit.axis.effects) > len(self.file.axis.effects):
+        if named:
             return "missing_physics"
         white = self.balance.whiten(self.balance.residual(self.file.axis))
         spread = max(1.0, self.fit.squares / self.balance.effective_count)
@@ -181,18 +189,21 @@ class _Judge:
         worse = errors["believed"].train > RETUNED * errors["retuned"].train
         return "parameters" if gain > needed and worse else "match"
 
-    def _unexplained(self) -> Unexplained:
-        if self.structure is None:
-            return Unexplained()
+    def _unexplained(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
+        """Structure that remains; where none is found, a residual far above the noise is structure in time."""
         s = self.structure
+        rest = math.sqrt(max(errors["improved"].train ** 2 - floor**2, 0.0))
+        if s is None and errors["improved"].train < FAR * floor:
+            return Unexplained()
+        coordinates = s.coordinates if s is not None else ("time",)
         where = {
-            "coordinate": s.coordinates[0],
-            "coordinates": list(s.coordinates),
+            "coordinate": coordinates[0],
+            "coordinates": list(coordinates),
             "range": None,
-            "period": s.period,
+            "period": s.period if s is not None else None,
             "frequency": None,
         }
-        return Unexplained(True, s.torque_rms, where)
+        return Unexplained(True, s.torque_rms if s is not None else rest, where)
 
     def _found(self, index: int) -> Found:
         item = self._vocabulary()[index]
@@ -313,7 +324,7 @@ def _equivalent(item: Instance, rivals: Rivals | None) -> tuple[str, ...]:
     """Ids that these data cannot tell from the effect."""
     if rivals is None:
         return ()
-    close = [c.name.split(":")[0] for c in rivals.candidates if c.gain > rivals.gain - SAME]
+    close = [c.name.split(":")[0] for c in rivals.candidates if c.gain > rivals.gain - rivals.same]
     return tuple(dict.fromkeys(name for name in close if name != item.term.id))
 
 

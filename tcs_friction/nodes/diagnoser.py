@@ -66,8 +66,7 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
                 raise JobError("diagnosis", "was cancelled")
             progress.tell(progress=float(share), stage=stage)
 
-        seed = self.config.seed
-        found = await self._waiter.in_thread(lambda: diagnose(recordings, file, seed=seed, progress=tell))
+        found = await self._waiter.in_thread(lambda: diagnose(recordings, file, progress=tell))
         if request.directory:
             await self._waiter.in_thread(lambda: write_diagnosis(Path(request.directory), found))
         answer.verdict, answer.statement = found.verdict, found.statement

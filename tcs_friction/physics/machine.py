@@ -8,6 +8,7 @@ bristles' own step is exact in the travel between two middles.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from tcs_friction.physics.terms import (
     VELOCITY,
     VISCOUS,
     VISCOUS_SCALE,
+    Instance,
     Place,
 )
 
@@ -80,13 +82,19 @@ class Machine(NamedTuple):
 
 
 def build(
-    axis: Axis, dt: float, substeps: int = 1, signals: tuple[str, ...] = (), position: float = 0.0
+    axis: Axis,
+    dt: float,
+    substeps: int = 1,
+    signals: tuple[str, ...] = (),
+    position: float = 0.0,
+    terms: Sequence[Instance] | None = None,
 ) -> Machine:
     """Pack an axis for instants `dt` (s) apart, of which `substeps` make a control period.
 
-    It starts at rest at `position` (rad), which the encoder has seen already.
+    It starts at rest at `position` (rad), which the encoder has seen already. `terms` are only some of the axis' own, in their
+    order, for `evaluate`.
     """
-    terms = axis.terms
+    terms = axis.terms if terms is None else terms
     kernels = addresses([item.term.kernel for item in terms])
     ends = np.cumsum([sum(item.term.place is place for item in terms) for place in Place])
     packed = [item.packed(signals) for item in terms]
@@ -224,6 +232,32 @@ def run(m: Machine, torque: Any, out: Any) -> None:
 REQUIRED, ROTOR, DRY_PART, VISCOUS_PART, AVAILABLE, SHARE, OPPOSED, MOVED = range(8)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def true_instant(m: Machine, q: float, v: float, a: float, dt: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration behind measured ones: the sensor terms' errors taken away."""
+    motion = m.motion
+    step = 1e-6 * 2.0 * math.pi / m.constants[PHASE_PER_UNIT]
+    error, slope, curve = 0.0, 0.0, 0.0
+    for k in range(m.ends[4], m.ends[5]):
+        motion[POSITION] = q - step
+        before = call_term(m, k, dt)
+        motion[POSITION] = q + step
+        after = call_term(m, k, dt)
+        motion[POSITION] = q
+        here = call_term(m, k, dt)
+        error += here
+        slope += (after - before) / (2.0 * step)
+        curve += (after - 2.0 * here + before) / (step * step)
+    return q - error, v - slope * v, a - slope * a - curve * v * v
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def true_motion(m: Machine, dt: float, motion: Any, out: Any) -> None:
+    """Measured `motion` (n, 3), position, velocity and acceleration, as it is without the sensor terms' errors."""
+    for i in range(len(motion)):
+        out[i, 0], out[i, 1], out[i, 2] = true_instant(m, motion[i, 0], motion[i, 1], motion[i, 2], dt)
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def evaluate(
     m: Machine,
@@ -245,24 +279,12 @@ def evaluate(
     moving inertia (kg m^2).
     """
     motion = m.motion
-    level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
-    step = 1e-6 * 2.0 * math.pi / m.constants[PHASE_PER_UNIT]
+    level = 0.0
+    if m.ends[1] < m.ends[2]:
+        level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
-        q, v, a = position[i], velocity[i], acceleration[i]
-        if m.ends[4] < m.ends[5]:
-            error, slope, curve = 0.0, 0.0, 0.0
-            for k in range(m.ends[4], m.ends[5]):
-                motion[POSITION] = q - step
-                before = call_term(m, k, dt)
-                motion[POSITION] = q + step
-                after = call_term(m, k, dt)
-                motion[POSITION] = q
-                here = call_term(m, k, dt)
-                error += here
-                slope += (after - before) / (2.0 * step)
-                curve += (after - 2.0 * here + before) / (step * step)
-            q, v, a = q - error, v - slope * v, a - slope * a - curve * v * v
+        q, v, a = true_instant(m, position[i], velocity[i], acceleration[i], dt)
         motion[TIME] = t[i]
         motion[TRAVEL] = 0.5 * (v + motion[VELOCITY]) * dt
         motion[POSITION] = q

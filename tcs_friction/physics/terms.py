@@ -195,6 +195,9 @@ class Term:
     local: it has a `centre` and a `width` in position, and a matched filter over the position finds the centre.
     warn: what is doubtful about a set of values (a passivity condition, say), one line each.
     rank: order among terms of the same place; terms that change what others read come first.
+    reads: what it reads beside motion, time and recorded signals: the "torque" at the rotor, what "friction" terms wrote.
+    A term that reads nothing else adds the same torque whatever else the axis has.
+    rotary: whether only a rotary axis can have it.
     """
 
     id: str
@@ -213,6 +216,8 @@ class Term:
     warn: Validate = _no_warnings
     rank: int = 0
     tabulated: bool = False
+    reads: tuple[str, ...] = ("torque", "friction")
+    rotary: bool = False
 
     def parameter(self, name: str) -> Parameter:
         """The declared parameter of that name."""
@@ -278,6 +283,11 @@ class Table:
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     values: np.ndarray
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Equal for equal tables."""
+        return self.coordinates, self.lower, self.upper, self.values.shape, self.values.tobytes()
 
     def slot(self, coordinate: str, signals: tuple[str, ...]) -> int:
         if coordinate in SLOTS:

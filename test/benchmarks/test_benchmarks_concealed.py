@@ -33,7 +33,7 @@ from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.recording.bags import read_recordings
 folder = Path(sys.argv[1])
 file = load_axis(folder / "axis.yaml")
-found = diagnose(read_recordings([folder / "recording"], file.signals), file, seed=0)
+found = diagnose(read_recordings([folder / "recording"], file.signals), file)
 print(json.dumps({"opened": opened, "found": found.to_mapping()}))
 """
 

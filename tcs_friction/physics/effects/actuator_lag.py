@@ -25,7 +25,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    return [{"time_constant": tau} for tau in geometric(0.02 / survey.cutoff, 1.0 / survey.cutoff, 5)]
+    return [{"time_constant": tau} for tau in geometric(0.01 / survey.cutoff, 1.0 / survey.cutoff, 12)]
 
 
 TERM = Term(
@@ -34,6 +34,7 @@ TERM = Term(
     form="time_constant du'/dt = u - u'",
     parameters=(Parameter("time_constant", "s", "of the lag", lower=0.0, upper=10.0),),
     kernel=torque,
+    reads=("torque",),
     states=3,
     coordinate="frequency",
     subsystem="actuator",

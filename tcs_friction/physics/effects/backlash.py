@@ -57,7 +57,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     gaps = geometric(max(20.0 * survey.resolution, 1e-6 * survey.span), 0.03 * survey.span, 8)
-    return [{"gap": gap, "inertia_ratio": 0.3} for gap in gaps]
+    return [{"gap": gap, "inertia_ratio": ratio} for gap in gaps for ratio in (0.05, 0.3)]
 
 
 TERM = Term(
@@ -73,6 +73,7 @@ TERM = Term(
         Parameter("contact_damping", "", "damping ratio of the contact", lower=0.0, upper=0.99, default=0.1),
     ),
     kernel=torque,
+    reads=(),
     states=3,
     coordinate="time_since_reversal",
     subsystem="structure",

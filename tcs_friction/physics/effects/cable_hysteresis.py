@@ -37,6 +37,7 @@ TERM = Term(
         Parameter("width", "rad", "travel over which the torque turns over", lower=1e-12),
     ),
     kernel=torque,
+    reads=(),
     states=1,
     coordinate="time_since_reversal",
     subsystem="cable",

@@ -23,6 +23,7 @@ TERM = Term(
         Parameter("neutral", "rad", "position without torque", default=0.0),
     ),
     kernel=torque,
+    reads=(),
     coordinate="position",
     subsystem="cable",
 )

@@ -41,6 +41,7 @@ TERM = Term(
         *[parameter for j in range(1, HARMONICS + 1) for parameter in _harmonic(j)],
     ),
     kernel=torque,
+    reads=(),
     coordinate="position",
     subsystem="actuator",
     periodic="position",

@@ -24,6 +24,7 @@ TERM = Term(
     form="x = inertia d(other axis' velocity)/dt",
     parameters=(Parameter("inertia", "kg m^2", "coupling inertia", role=Role.LINEAR),),
     kernel=torque,
+    reads=(),
     states=3,
     signals=1,
     coordinate="exogenous",

@@ -23,6 +23,7 @@ TERM = Term(
         Parameter("phase", "rad", "phase of the error", default=0.0, role=Role.PHASE),
     ),
     kernel=error,
+    reads=(),
     coordinate="position",
     subsystem="sensor",
     periodic="position",

@@ -24,6 +24,7 @@ TERM = Term(
         ),
     ),
     kernel=torque,
+    reads=(),
     signals=1,
     coordinate="exogenous",
     subsystem="environment",

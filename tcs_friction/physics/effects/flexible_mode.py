@@ -79,6 +79,7 @@ TERM = Term(
         Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.95),
     ),
     kernel=torque,
+    reads=(),
     states=4,
     coordinate="frequency",
     subsystem="structure",

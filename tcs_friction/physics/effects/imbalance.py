@@ -22,6 +22,8 @@ TERM = Term(
         Parameter("phase", "rad", "angle from the balanced position", default=0.0, role=Role.PHASE),
     ),
     kernel=torque,
+    reads=(),
+    rotary=True,
     coordinate="position",
     subsystem="structure",
 )

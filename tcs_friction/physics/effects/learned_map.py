@@ -28,6 +28,7 @@ TERM = Term(
     form="x = table(one or two coordinates)",
     parameters=(),
     kernel=torque,
+    reads=("torque",),
     tabulated=True,
     coordinate="position",
     subsystem="unknown",

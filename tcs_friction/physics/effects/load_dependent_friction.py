@@ -23,5 +23,6 @@ TERM = Term(
         ),
     ),
     kernel=scale,
+    reads=("torque",),
     coordinate="torque",
 )

@@ -26,6 +26,7 @@ TERM = Term(
         Parameter("time", "s", "since the start of the recording"),
     ),
     kernel=torque,
+    reads=(),
     coordinate="time",
     subsystem="environment",
     scan=scan,

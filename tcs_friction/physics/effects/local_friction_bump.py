@@ -37,11 +37,14 @@ TERM = Term(
     place=Place.SCALE,
     form="level (1 + amplitude exp(-((q - centre)/width)^2))",
     parameters=(
-        Parameter("amplitude", "", "relative rise of the dry friction", role=Role.LINEAR),
+        Parameter(
+            "amplitude", "", "relative rise of the dry friction", lower=-0.95, upper=20.0, role=Role.LINEAR
+        ),
         Parameter("centre", "rad", "where"),
         Parameter("width", "rad", "how wide, 1/e half width", lower=1e-12),
     ),
     kernel=scale,
+    reads=(),
     coordinate="position",
     scan=scan,
     local=True,

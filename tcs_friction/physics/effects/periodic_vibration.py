@@ -23,6 +23,7 @@ TERM = Term(
         Parameter("phase", "rad", "at the start of the recording", default=0.0, role=Role.PHASE),
     ),
     kernel=torque,
+    reads=(),
     coordinate="frequency",
     subsystem="environment",
     periodic="time",

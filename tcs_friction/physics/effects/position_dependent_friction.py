@@ -21,10 +21,18 @@ TERM = Term(
     form="level (1 + amplitude cos(order q + phase))",
     parameters=(
         Parameter("order", "1/turn", "periods per turn (per metre if linear)", lower=1e-6),
-        Parameter("amplitude", "", "relative variation of the dry friction", role=Role.LINEAR),
+        Parameter(
+            "amplitude",
+            "",
+            "relative variation of the dry friction",
+            lower=-0.95,
+            upper=0.95,
+            role=Role.LINEAR,
+        ),
         Parameter("phase", "rad", "phase of the variation", default=0.0, role=Role.PHASE),
     ),
     kernel=scale,
+    reads=(),
     coordinate="position",
     periodic="position",
 )

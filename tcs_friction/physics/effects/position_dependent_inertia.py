@@ -38,6 +38,8 @@ TERM = Term(
         Parameter("phase", "rad", "phase of the variation", default=0.0, role=Role.PHASE),
     ),
     kernel=torque,
+    reads=(),
+    rotary=True,
     coordinate="acceleration",
     subsystem="structure",
 )

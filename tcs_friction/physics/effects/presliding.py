@@ -56,6 +56,7 @@ TERM = Term(
         Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0, default=0.0),
     ),
     kernel=torque,
+    reads=("friction",),
     states=2,
     coordinate="time_since_reversal",
     rank=-1,

@@ -18,5 +18,6 @@ TERM = Term(
     form="x = coefficient v |v|",
     parameters=(Parameter("coefficient", "N m s^2/rad^2", "drag coefficient", role=Role.LINEAR),),
     kernel=torque,
+    reads=(),
     coordinate="velocity",
 )

@@ -38,10 +38,11 @@ TERM = Term(
     place=Place.SCALE,
     form="level + drop exp(-(v/stribeck_velocity)^2)",
     parameters=(
-        Parameter("drop", "N m", "static minus coulomb", role=Role.LINEAR),
+        Parameter("drop", "N m", "static minus coulomb", lower=0.0, role=Role.LINEAR),
         Parameter("stribeck_velocity", "rad/s", "velocity over which static falls to coulomb", lower=1e-12),
     ),
     kernel=scale,
+    reads=(),
     coordinate="velocity",
     scan=scan,
 )

@@ -44,6 +44,7 @@ TERM = Term(
         ),
     ),
     kernel=scale,
+    reads=(),
     temperature=True,
     coordinate="temperature",
 )

@@ -18,6 +18,7 @@ TERM = Term(
     form="x = bias",
     parameters=(Parameter("bias", "N m", "constant opposing torque", role=Role.LINEAR),),
     kernel=torque,
+    reads=(),
     coordinate="torque",
     subsystem="actuator",
 )

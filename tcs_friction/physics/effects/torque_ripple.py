@@ -24,6 +24,7 @@ TERM = Term(
         Parameter("phase", "rad", "phase of the ripple", default=0.0, role=Role.PHASE),
     ),
     kernel=torque,
+    reads=("torque",),
     coordinate="position",
     subsystem="actuator",
     periodic="position",

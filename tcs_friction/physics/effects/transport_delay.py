@@ -31,7 +31,7 @@ def _ring(values: Mapping[str, float], dt: float) -> int:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    return [{"delay": delay} for delay in geometric(0.02 / survey.cutoff, 1.0 / survey.cutoff, 5)]
+    return [{"delay": delay} for delay in geometric(0.01 / survey.cutoff, 1.0 / survey.cutoff, 12)]
 
 
 TERM = Term(
@@ -40,6 +40,7 @@ TERM = Term(
     form="u(t - delay)",
     parameters=(Parameter("delay", "s", "time by which the torque is late", lower=0.0, upper=10.0),),
     kernel=torque,
+    reads=("torque",),
     states=_ring,
     coordinate="frequency",
     subsystem="timing",

@@ -22,5 +22,6 @@ TERM = Term(
         ),
     ),
     kernel=torque,
+    reads=(),
     coordinate="direction",
 )

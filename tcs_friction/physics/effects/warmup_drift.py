@@ -37,13 +37,28 @@ TERM = Term(
     place=Place.SCALE,
     form="level (1 + dry exp(-t/time_constant)), viscous part (1 + viscous exp(-t/time_constant))",
     parameters=(
-        Parameter("dry", "", "relative excess of dry friction at the start", default=0.0, role=Role.LINEAR),
         Parameter(
-            "viscous", "", "relative excess of viscous friction at the start", default=0.0, role=Role.LINEAR
+            "dry",
+            "",
+            "relative excess of dry friction at the start",
+            lower=-0.95,
+            upper=20.0,
+            default=0.0,
+            role=Role.LINEAR,
+        ),
+        Parameter(
+            "viscous",
+            "",
+            "relative excess of viscous friction at the start",
+            lower=-0.95,
+            upper=20.0,
+            default=0.0,
+            role=Role.LINEAR,
         ),
         Parameter("time_constant", "s", "time in which the excess falls to 1/e", lower=1e-9),
     ),
     kernel=scale,
+    reads=(),
     coordinate="time",
     scan=scan,
 )

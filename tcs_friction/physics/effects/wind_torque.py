@@ -19,6 +19,7 @@ TERM = Term(
     form="x = coefficient w |w|",
     parameters=(Parameter("coefficient", "N m s^2/m^2", "torque per squared wind speed", role=Role.LINEAR),),
     kernel=torque,
+    reads=(),
     signals=1,
     coordinate="exogenous",
     subsystem="environment",

@@ -53,4 +53,5 @@ TERM = Term(
         ),
     ),
     kernel=friction,
+    reads=("torque",),
 )

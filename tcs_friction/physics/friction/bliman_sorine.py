@@ -61,5 +61,6 @@ TERM = Term(
         VISCOUS_COEFFICIENT,
     ),
     kernel=friction,
+    reads=(),
     states=2,
 )

@@ -43,4 +43,5 @@ TERM = Term(
     form="F = coulomb sign(v) + viscous v",
     parameters=(COULOMB, VISCOUS_COEFFICIENT),
     kernel=friction,
+    reads=(),
 )

@@ -48,5 +48,6 @@ TERM = Term(
     form="F = stiffness z + viscous v, dz/dt = v - stiffness |v|/coulomb z",
     parameters=(COULOMB, STIFFNESS, VISCOUS_COEFFICIENT),
     kernel=friction,
+    reads=(),
     states=1,
 )

@@ -117,6 +117,7 @@ TERM = Term(
     form="F = sigma0 z + sigma1 dz/dt + sigma2 v, dz/dt = v - sigma0 |v|/g(v) z",
     parameters=(COULOMB, STATIC, STRIBECK_VELOCITY, STIFFNESS, DAMPING, VISCOUS_COEFFICIENT),
     kernel=friction,
+    reads=(),
     states=1,
     warn=warnings,
 )

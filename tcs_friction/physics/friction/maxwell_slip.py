@@ -79,5 +79,6 @@ TERM = Term(
         Parameter("elements", "", "number of elements", lower=1.0, upper=64.0, default=8.0, role=Role.FIXED),
     ),
     kernel=friction,
+    reads=(),
     states=element_count,
 )

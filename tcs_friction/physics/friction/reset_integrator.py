@@ -53,5 +53,6 @@ TERM = Term(
     form="F = static/coulomb stiffness p + damping dp/dt while |p| < coulomb/stiffness, else coulomb sign(v); + viscous v",
     parameters=(COULOMB, STATIC, STIFFNESS, DAMPING, VISCOUS_COEFFICIENT),
     kernel=friction,
+    reads=(),
     states=1,
 )

@@ -35,4 +35,5 @@ TERM = Term(
         Parameter("exponent", "", "shape of the Stribeck curve", lower=0.2, upper=4.0, default=2.0),
     ),
     kernel=friction,
+    reads=(),
 )
