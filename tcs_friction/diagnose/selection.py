@@ -182,28 +182,40 @@ def _out_of_reach(balance: Balance, axis: Axis, item: Instance) -> bool:
 
 
 def left_out(balance: Balance, fit: Fit) -> LeftOut:
-    """Leave one piece out at a time, linear about the optimum; a piece is as long as a held-out block."""
+    """The last effect's own numbers without one piece at a time, linear about the optimum; a piece is as long as a held-out one.
+
+    All other numbers follow the effect as they do over the whole data: what one piece alone says about a bristle is not asked.
+    """
     residual = balance.residual(fit.axis)
     plain = balance.columns(fit.axis, fit.free, residual)
-    stuck = [at_bound(fit.axis, fit.free, k) != 0 for k in range(len(fit.free))]
-    size = np.where(stuck, 0.0, np.linalg.norm(plain, axis=0))
-    plain = plain / np.where(size > 0.0, size, np.inf)
+    size = np.linalg.norm(plain, axis=0) * [
+        at_bound(fit.axis, fit.free, k) == 0 for k in range(len(fit.free))
+    ]
+    plain = plain[:, size > 0.0] / size[size > 0.0]
+    own = np.array([f.owner == len(fit.axis.effects) - 1 for f in fit.free])[size > 0.0]
     columns, white = balance.whiten(plain), balance.whiten(residual)
-    strength = np.where(size > 0.0, prior(fit.free) ** -2.0 / np.where(size > 0.0, size, 1.0) ** 2, 1.0)
-    normal, scores = columns.T @ columns + np.diag(strength), columns.T @ white
+    follow = np.linalg.lstsq(columns[:, ~own], columns[:, own], rcond=1e-9)[0]
+    plain, columns = plain[:, own] - plain[:, ~own] @ follow, columns[:, own] - columns[:, ~own] @ follow
+    normal, scores = columns.T @ columns, columns.T @ white
     piece = balance.pieces
-    own = piece[balance.rows]
     squares = LeftOut(np.zeros(piece.max() + 1), np.zeros(piece.max() + 1))
     for number in range(len(squares.white)):
-        left, every = own == number, (piece == number) & balance.train
-        if not left.any():
-            continue
+        left, every = piece[balance.rows] == number, (piece == number) & balance.train
         some = columns[left]
         others = normal - some.T @ some
         step = -np.linalg.lstsq(others, scores - some.T @ white[left], rcond=1e-10)[0]
         squares.white[number] = np.sum((white[left] + some @ step) ** 2)
         squares.plain[number] = np.sum((residual[every] + plain[every] @ step) ** 2)
     return squares
+
+
+def as_fitted(balance: Balance, fit: Fit) -> LeftOut:
+    """Squares of a fit on every piece as it is."""
+    residual = balance.residual(fit.axis)
+    count = int(balance.pieces.max()) + 1
+    white = np.bincount(balance.pieces[balance.rows], balance.whiten(residual) ** 2, count)
+    plain = np.bincount(balance.pieces[balance.train], residual[balance.train] ** 2, count)
+    return LeftOut(white, plain)
 
 
 def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: float) -> list[Candidate]:
@@ -220,7 +232,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         best = simplest(balance, [*waiting, *done])
         if best.score <= 0.0 or any(best is candidate for candidate in done):
             break
-        before = left_out(balance, fit) if before is None else before
+        before = as_fitted(balance, fit) if before is None else before
         after = left_out(balance, best.fit)
         gains = (before.white - after.white) / spread
         gain = float(gains.sum())

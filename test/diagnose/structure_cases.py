@@ -64,6 +64,7 @@ def conditioned(
         signals=np.stack([15.0 + 5.0 * (1.0 - np.exp(-t / 100.0)), wind]),
         train=~held_out & (t > 0.5),  # it starts at rest
         held_out=held_out,
+        piece=block,
     )
     return Conditioned(
         stretches=(stretch,),
