@@ -392,7 +392,7 @@ def _local_norm(balance: Balance, carrier: np.ndarray, speed: np.ndarray, grid: 
         if share > 0.0:
             norm += share * balance.whitening_gain(coarse * centre / (2.0 * math.pi))
     norm = np.interp(grid, coarse, norm)
-    return np.maximum(norm, 1e-3 * norm.max())
+    return np.maximum(norm, max(1e-3 * float(norm.max()), 1e-300))
 
 
 def _time_spectrum(

@@ -25,7 +25,8 @@ class Reproducible:
     def __init__(self, data: Conditioned) -> None:
         train = data.joined("train")
         columns = _columns(data, train)
-        columns /= np.maximum(np.sqrt(np.mean(columns[train] ** 2, axis=0)), 1e-300)
+        size = np.sqrt(np.mean(columns[train] ** 2, axis=0))
+        columns /= np.where(size > 0.0, size, 1.0)
         inner = columns[train].astype(np.float64)
         gram = inner.T @ inner
         self.train = train

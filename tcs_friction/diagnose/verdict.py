@@ -87,8 +87,8 @@ def _plain_map(
     best = fit if structure is None else _mapped(balance, fit, structure)
     balance.estimate_noise(balance.residual(best.axis))
     plain = remaining_structure(balance, selection.retuned)
-    if plain is None or plain.table is None:
-        return None
+    if plain is None or plain.table is None or len(plain.coordinates) < 2:
+        return None  # what depends on one coordinate alone has names in the vocabulary
     alone = _mapped(balance, selection.retuned, plain)
     spread = max(1.0, _squares(balance, best) / balance.effective_count)
     lost = (_squares(balance, alone) - _squares(balance, best)) / spread
