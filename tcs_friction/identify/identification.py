@@ -29,7 +29,6 @@ from tcs_friction.physics.registry import law as law_named
 from tcs_friction.physics.terms import Instance, instance
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
-SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0)
@@ -199,7 +198,7 @@ def _sharpened(
     unknowns[:size] = sharp.unknowns[:size]
     torque, jacobian = problem.linearised(unknowns)
     residual = problem.target - torque
-    if not (rms(residual) < WORSE * before and SOUND[0] < rms(sharp.fit.residual) < SOUND[1]):
+    if not (rms(residual) < WORSE * before and sharp.sound):
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     cost = 0.5 * float(verdicts.refined.weights @ residual**2)
     refined = replace(verdicts.refined, unknowns=unknowns, residual=residual, jacobian=jacobian, cost=cost)

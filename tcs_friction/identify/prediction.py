@@ -22,13 +22,19 @@ LEAST_WINDOW = 100  # samples
 TUNING_SAMPLES = 40_000  # of the disturbance's spectrum before the fit
 TUNING_ROUNDS = 12
 ROUNDS = 3  # of fits, each with the weights that follow from the one before
-NUISANCES = 3  # unknowns beyond law, inertia and offset: delay, rate and size of the disturbance
+NUISANCES = (
+    4  # unknowns beyond law, inertia and offset: delay, rate and size of the disturbance, size of the drift
+)
+REST = NUISANCES + 2
 LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
 SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
 STIFFEST = 0.5  # rad per sample: bristles that swing faster are not resolved
+SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
+WHITE = 3.5  # standard deviations of the correlation of neighbouring errors, if there is none
 LARGEST, SMALLEST = 1e60, 1e-60
 LONGEST_DELAY = 0.05  # s
 START_RATE = 30.0  # 1/s, of the disturbance
+DRIFT = 0.1  # times the disturbance's size, to start with
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,11 @@ class Fine:
 
 @dataclass(frozen=True, eq=False)
 class Sharpened:
-    """unknowns: law, inertia, offset, delay, rate and size of the disturbance (k + 5,); fit: of the errors of prediction."""
+    """A fit of predictions.
+
+    unknowns (k + 6,): law, inertia, offset, delay s, rate 1/s and size of the disturbance, size of the drift, both rad/s^2 rms.
+    fit: of the errors of prediction.
+    """
 
     unknowns: np.ndarray
     space: Space
@@ -77,6 +87,15 @@ class Sharpened:
     def delay(self) -> float:
         """s by which the torque acts after its stamp."""
         return float(self.unknowns[-NUISANCES])
+
+    @property
+    def sound(self) -> bool:
+        """Whether the errors of prediction are as large as the filter expects, and white: else it lacks something."""
+        errors = self.fit.residual
+        power = float(np.mean(errors**2))
+        if not SOUND[0] ** 2 < power < SOUND[1] ** 2:
+            return False
+        return bool(abs(float(np.mean(errors[1:] * errors[:-1]))) < WHITE * power / np.sqrt(len(errors)))
 
 
 class Predictor:
@@ -100,9 +119,10 @@ class Predictor:
     def predicted(
         self, unknowns: np.ndarray, encoder: np.ndarray | float, samples: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Errors and variances (m, n) of candidates (m, k + 5) with encoder noise (m,) rad rms; `samples`: of the first alone."""
-        laws = np.array([self._model.as_lugre(values) for values in unknowns[:, :-5]])
-        candidates = np.column_stack([laws, unknowns[:, -5:], np.broadcast_to(encoder, len(unknowns))])
+        """Errors and variances (m, n) of candidates (m, k + 6) with encoder noise (m,) rad rms; `samples`: of the first alone."""
+        laws = np.array([self._model.as_lugre(values) for values in unknowns[:, :-REST]])
+        rest, drift = unknowns[:, -REST:-1], unknowns[:, -1]
+        candidates = np.column_stack([laws, rest, np.broadcast_to(encoder, len(unknowns)), drift])
         bounds = self._fine.bounds
         if samples is not None and samples < bounds[-1]:
             bounds = np.array([*bounds[bounds < samples - 2], samples])
@@ -124,12 +144,12 @@ class Predictor:
         return self.linearised(unknowns)[0]
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivatives (n, k + 5) by central differences: all candidates cost little more than one."""
+        """The same, and its derivatives (n, k + 6) by central differences: all candidates cost little more than one."""
         if self._last is not None and (self._last[0] == unknowns).all():
             return self._last[1]
         step = self._steps(unknowns)
         high, low = unknowns + np.diag(step), unknowns - np.diag(step)
-        late = len(unknowns) - 3
+        late = len(unknowns) - NUISANCES
         low[late, late] = max(low[late, late], 0.0)
         count = len(unknowns)
         errors = self.predicted(np.vstack([unknowns, high, low]), self.encoder)[0]
@@ -141,18 +161,18 @@ class Predictor:
     def _steps(self, unknowns: np.ndarray) -> np.ndarray:
         torque, speed = self._scale
         step = 1e-3 * np.abs(unknowns)
-        linear = ~self._logarithmic[:-5]
-        step[:-5][linear] = np.maximum(step[:-5][linear], 1e-4 * torque / speed)
-        step[-4] = 1e-4 * torque
-        step[-3] = 0.02 * self._fine.dt
+        linear = ~self._logarithmic[:-REST]
+        step[:-REST][linear] = np.maximum(step[:-REST][linear], 1e-4 * torque / speed)
+        step[1 - REST] = 1e-4 * torque
+        step[-NUISANCES] = 0.02 * self._fine.dt
         return step
 
     def tune(self, unknowns: np.ndarray) -> np.ndarray:
-        """Encoder noise, and rate and size of the disturbance, by maximum likelihood, stepping by factors."""
+        """Encoder noise, rate and size of the disturbance, and size of the drift, by maximum likelihood, stepping by factors."""
         point, factor, best = np.array([*unknowns, self.encoder]), 4.0, np.inf
         for _ in range(TUNING_ROUNDS):
-            trials = np.tile(point, (7, 1))
-            for k in range(6):
+            trials = np.tile(point, (9, 1))
+            for k in range(8):
                 trials[1 + k, -1 - k // 2] *= factor if k % 2 else 1.0 / factor
             errors, variances = self.predicted(trials[:, :-1], trials[:, -1], TUNING_SAMPLES)
             costs = 0.5 * np.sum(errors**2 / variances + np.log(variances), axis=1)
@@ -190,7 +210,7 @@ def sharpen(
     wider = _widened(space)
     predictor = Predictor(fine, model, wider.logarithmic, speed)
     size = max(residual, 1e-9 * float(np.std(fine.torque))) / unknowns[-2]
-    start = predictor.tune(np.array([*unknowns, fine.delay, START_RATE, size]))
+    start = predictor.tune(np.array([*unknowns, fine.delay, START_RATE, size, DRIFT * size]))
     for _ in range(ROUNDS):
         predictor.weigh(start)
         fit = refine(
@@ -206,10 +226,10 @@ def sharpen(
 
 
 def _widened(space: Space) -> Space:
-    """With delay, and rate and size of the disturbance."""
+    """With delay, rate and size of the disturbance, and size of the drift."""
     return Space(
-        np.concatenate([space.lower, [0.0, 1e-3, 1e-300]]),
-        np.concatenate([space.upper, [LONGEST_DELAY, 1e5, np.inf]]),
-        np.concatenate([space.logarithmic, [False, True, True]]),
-        np.concatenate([space.free, [True, True, True]]),
+        np.concatenate([space.lower, [0.0, START_RATE / 30.0, 1e-300, 1e-300]]),
+        np.concatenate([space.upper, [LONGEST_DELAY, 1e5, np.inf, np.inf]]),
+        np.concatenate([space.logarithmic, [False, True, True, True]]),
+        np.concatenate([space.free, [True, True, True, True]]),
     )

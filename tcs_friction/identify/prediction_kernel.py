@@ -1,9 +1,10 @@
 """Compiled loop of a Kalman filter about an axis with LuGre friction: how well each next position is predicted.
 
-State: position x, velocity v, bristle deflection z and an acceleration w by disturbances, which is first-order noise. A step is
-that of the midpoint rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for
-fast motion; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). Each stretch starts with
-velocity, bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
+State: position x, velocity v, bristle deflection z and the acceleration by disturbances, which is first-order noise w and a
+slow drift d; without the drift, whatever a law lacks at low frequency would spoil the spectrum of w. A step is that of the
+midpoint rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for fast
+motion; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). Each stretch starts with velocity,
+bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from numba import njit, prange
 from tcs_friction.identify.kernels import FAST, falling_exponential, mean_decay
 
 LANES = 16
-SIZE = 12  # of a candidate
-ROWS = 14  # of the state and its covariance
+SLOW = 0.3  # 1/s, of the drift
+SIZE = 13  # of a candidate
+ROWS = 20  # of the state and its covariance
 
 
 @njit(inline="always")
@@ -59,12 +61,13 @@ def predict(
 
     position (n,) rad, torque (n,) N m as logged, impulse (n,) N m s its integral up to each sample, bounds (s + 1,) of the
     stretches, dt s, candidates (m, SIZE): LuGre's six as in `physics.friction.lugre`, inertia, offset N m, delay s, rate 1/s
-    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms. Out (m, n): errors in rad, variances in rad^2.
+    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms).
+    Out (m, n): errors in rad, variances in rad^2.
     """
     L = LANES
     count = candidates.shape[0]
     for block in prange((count + L - 1) // L):
-        c, s = np.empty((SIZE + 3, L)), np.zeros((ROWS, L))
+        c, s = np.empty((SIZE + 4, L)), np.zeros((ROWS, L))
         push, passed = np.zeros(L), np.zeros(L)
         for j in range(L):
             p = candidates[min(block * L + j, count - 1)]
@@ -73,7 +76,8 @@ def predict(
             c[1, j], c[2, j], c[6, j] = p[1] - p[0], -1.0 / (p[2] * p[2]), 1.0 / p[6]
             c[8, j], c[9, j], c[11, j] = p[8] / dt, math.exp(-p[9] * dt), p[11] * p[11]
             c[10, j] = p[10] * p[10] * (1.0 - c[9, j] * c[9, j])
-            c[12, j], c[13, j] = p[10] * p[10], (p[1] / p[3]) ** 2
+            c[13, j], c[14, j] = p[10] * p[10], (p[1] / p[3]) ** 2
+            c[12, j], c[15, j] = p[12] * p[12], math.exp(-SLOW * dt)
         used = min(L, count - block * L)
         for part in range(len(bounds) - 1):
             first, last = bounds[part], bounds[part + 1]
@@ -82,7 +86,8 @@ def predict(
                     s[k, j] = 0.0
                 v, noise = (position[first + 1] - position[first]) / dt, c[11, j]
                 s[0, j], s[1, j], s[4, j] = position[first], v, noise
-                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (dt * dt) + v * v, c[13, j], c[12, j]
+                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (dt * dt) + v * v, c[14, j], c[13, j]
+                s[19, j] = c[12, j]
                 passed[j] = held(impulse, torque, first - c[8, j], first, dt)
             for i in range(first, last):
                 for j in range(used):
@@ -114,48 +119,71 @@ def _update(s: Any, c: Any, measured: float) -> None:
         s[11, j] -= gz * xz
         s[12, j] -= gz * xw
         s[13, j] -= gw * xw
+        xd = s[15, j]
+        gd = xd * part
+        s[14, j] += gd * error
+        s[16, j] -= gv * xd
+        s[17, j] -= gz * xd
+        s[18, j] -= gw * xd
+        s[19, j] -= gd * xd
+        s[15, j] = xd - gd * xx
 
 
 @njit(inline="always")
 def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
-    """One step of all lanes under the torque `push` (N m): x' = T x, P' = T P T^T + Q with rows xx xv xz xw vv vz vw zz zw ww."""
+    """One step of all lanes under the torque `push` (N m): x' = T x, P' = T P T^T + Q.
+
+    Rows: x v z w, xx xv xz xw vv vz vw zz zw ww, d, xd vd zd wd dd.
+    """
     half = 0.5 * dt * dt
     for j in range(LANES):
         coulomb, drop, bell, stiffness, damping, viscous, lightness = (
             c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j], c[6, j])  # fmt: skip
         keep, power = c[9, j], c[10, j]
         middle = 0.5 * (1.0 + keep)
-        v, z, w = s[1, j], s[2, j], s[3, j]
+        v, z, w, d, stay = s[1, j], s[2, j], s[3, j], s[14, j], c[15, j]
         flow, _, forget = bristle_rate(v, z, coulomb, drop, bell, stiffness)
         share = mean_decay(forget * dt, falling_exponential(-forget * dt))
-        a = (push[j] - stiffness * z - share * damping * flow - viscous * v) * lightness + w
+        a = (push[j] - stiffness * z - share * damping * flow - viscous * v) * lightness + w + d
         vm = v + 0.5 * dt * a
         flow, by_velocity, forget = bristle_rate(vm, z, coulomb, drop, bell, stiffness)
         share = mean_decay(forget * dt, falling_exponential(-forget * dt))
         moved, zv, z2 = share * dt * flow, share * dt * by_velocity, 1.0 - share * dt * forget
         zm, flow = z + 0.5 * moved, share * flow
-        a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w
+        a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w + d
         s[0, j] += dt * v + half * a
         s[1, j] = v + dt * a
         s[2, j] = z + moved
         s[3, j] = w * keep
+        s[14, j] = d * stay
 
         av = -(viscous + (damping / dt + 0.5 * stiffness) * zv) * lightness
         az = -(0.5 * stiffness * (1.0 + z2) - damping * share * forget) * lightness
         along = 1.0 + 0.5 * dt * av
         x1, x2, x3 = dt * along, half * az, half
-        v1, v2, v3 = 1.0 + dt * av * along, dt * az * along, dt * along * middle
+        v1, v2, v3, v4 = 1.0 + dt * av * along, dt * az * along, dt * along * middle, dt * along
         z1, z2, z3 = zv * along, z2 + 0.5 * dt * zv * az, 0.5 * dt * zv
         xx, xv, xz, xw, vv = s[4, j], s[5, j], s[6, j], s[7, j], s[8, j]
         vz, vw, zz, zw, ww = s[9, j], s[10, j], s[11, j], s[12, j], s[13, j]
-        tv = xv + x1 * vv + x2 * vz + x3 * vw
-        tz = xz + x1 * vz + x2 * zz + x3 * zw
-        tw = xw + x1 * vw + x2 * zw + x3 * ww
-        uv, uz, uw = v1 * vv + v2 * vz + v3 * vw, v1 * vz + v2 * zz + v3 * zw, v1 * vw + v2 * zw + v3 * ww
-        sv, sz, sw = z1 * vv + z2 * vz + z3 * vw, z1 * vz + z2 * zz + z3 * zw, z1 * vw + z2 * zw + z3 * ww
-        s[4, j] = xx + x1 * xv + x2 * xz + x3 * xw + x1 * tv + x2 * tz + x3 * tw
-        s[5, j], s[6, j] = v1 * tv + v2 * tz + v3 * tw, z1 * tv + z2 * tz + z3 * tw
+        xd, vd, zd, wd, dd = s[15, j], s[16, j], s[17, j], s[18, j], s[19, j]
+        tv = xv + x1 * vv + x2 * vz + x3 * (vw + vd)
+        tz = xz + x1 * vz + x2 * zz + x3 * (zw + zd)
+        tw = xw + x1 * vw + x2 * zw + x3 * (ww + wd)
+        td = xd + x1 * vd + x2 * zd + x3 * (wd + dd)
+        uv = v1 * vv + v2 * vz + v3 * vw + v4 * vd
+        uz = v1 * vz + v2 * zz + v3 * zw + v4 * zd
+        uw = v1 * vw + v2 * zw + v3 * ww + v4 * wd
+        ud = v1 * vd + v2 * zd + v3 * wd + v4 * dd
+        sv, sz = z1 * vv + z2 * vz + z3 * (vw + vd), z1 * vz + z2 * zz + z3 * (zw + zd)
+        sw, sd = z1 * vw + z2 * zw + z3 * (ww + wd), z1 * vd + z2 * zd + z3 * (wd + dd)
+        s[4, j] = xx + x1 * xv + x2 * xz + x3 * (xw + xd) + x1 * tv + x2 * tz + x3 * (tw + td)
+        s[5, j] = v1 * tv + v2 * tz + v3 * tw + v4 * td
+        s[6, j] = z1 * tv + z2 * tz + z3 * (tw + td)
         s[7, j], s[10, j], s[12, j] = keep * tw, keep * uw + 0.5 * power * dt, keep * sw
-        s[8, j] = v1 * uv + v2 * uz + v3 * uw + power * dt * dt / 3.0
-        s[9, j], s[11, j] = z1 * uv + z2 * uz + z3 * uw, z1 * sv + z2 * sz + z3 * sw
+        s[8, j] = v1 * uv + v2 * uz + v3 * uw + v4 * ud + power * dt * dt / 3.0
+        s[9, j] = z1 * uv + z2 * uz + z3 * (uw + ud)
+        s[11, j] = z1 * sv + z2 * sz + z3 * (sw + sd)
         s[13, j] = keep * keep * ww + power
+        s[15, j], s[16, j], s[17, j] = stay * td, stay * ud, stay * sd
+        s[18, j] = keep * stay * wd
+        s[19, j] = stay * stay * dd + c[12, j] * (1.0 - stay * stay)
