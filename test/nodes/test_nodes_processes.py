@@ -71,7 +71,8 @@ def test_a_killed_node_is_named_and_the_run_goes_on_when_it_is_back(
 
 def test_a_plant_that_is_back_starts_a_new_run(processes: Any, listener: Any) -> None:
     start(processes)
-    assert wait_until(lambda: len(listener.states) > 200, 90.0)
+    # long enough for the listener to find the new plant before it has come as far
+    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] > 1_200_000_000, 90.0)
     processes.kill("plant")
     processes.start("plant", *ARGUMENTS)
 
