@@ -1,4 +1,6 @@
-"""Damage good bags at random for a long time: `python test/recording/fuzz_recording.py [--seconds 600] [--seed 0]`.
+"""Damage good bags at random for a long time.
+
+    PYTHONPATH=. .tcs/venv/bin/python test/recording/fuzz_recording.py [--seconds 600] [--seed 0]
 
 Every reading must end with a recording or one InputError, within seconds and without much memory. The unit tests do
 a little of the same with hypothesis.
