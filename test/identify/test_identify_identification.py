@@ -127,6 +127,15 @@ def test_gaps_do_not_bend_the_result() -> None:
     assert len(found.fit.bounds) == 4
 
 
+@pytest.mark.parametrize("start", [6.05, 6.25, 9.0])
+def test_the_bristle_at_the_start_may_be_in_any_state(start: float) -> None:
+    """Recordings that begin just after a reversal (bristle half way over), and in full motion."""
+    whole = recording(axis_of())
+    found = identify([whole.part(slice(int(start * 500.0), None))], axis_of(WRONG))
+    assert found.parameters["static"].value == pytest.approx(117.2, rel=0.01)
+    assert found.parameters["stiffness"].value == pytest.approx(2.96e5, rel=0.03)
+
+
 def test_without_reversal_there_is_no_stiffness() -> None:
     t = 2e-3 * np.arange(8000)
     velocity = 2e-3 + 1.5e-3 * np.sin(0.7 * t)
