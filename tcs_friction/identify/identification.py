@@ -29,6 +29,7 @@ from tcs_friction.physics.registry import law as law_named
 from tcs_friction.physics.terms import Instance, instance
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
+NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0)
@@ -193,6 +194,8 @@ def _sharpened(
     if not resolvable(fine, model, unknowns[: size - 2], unknowns[size - 2]):
         return verdicts, None
     before = rms(verdicts.refined.residual)
+    if before < NOISELESS * float(np.std(problem.target)):
+        return verdicts, None
     speed = float(np.abs(problem.motion.velocity).max())
     sharp = sharpen(fine, model, unknowns[:size], verdicts.space.first(size), before, speed, loss, cancel)
     unknowns[:size] = sharp.unknowns[:size]
