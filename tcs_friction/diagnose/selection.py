@@ -33,6 +33,7 @@ SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
 MOST = 6  # effects
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
+ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin
 WORSE = 1.01  # by which the plain residual may grow on pieces that a candidate was not fitted to
 ONCE = 0.1  # of a candidate's gain at least must come from other pieces than the best
 PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
@@ -312,10 +313,24 @@ def select(
             selection.rounds.append(candidates)
             if not candidates or candidates[0].score <= 0.0:
                 break
-            fit = settle(balance, candidates[0].fit.axis, rounds=2)
+            fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
             fit = prune(balance, fit, believed)
     selection.chosen = fit
     return selection
+
+
+def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
+    """The fit's axis, or one fitted from the believed law where that does better.
+
+    Without the effect the law's own numbers may have gone far astray to stand in for it, and find no way back.
+    """
+    start = replace(fit.axis, friction=believed.friction, inertia=believed.inertia)
+    ratios = [fit.axis.friction.values[name] / max(v, 1e-300) for name, v in believed.friction.values.items()]
+    if all(1.0 / ASTRAY < ratio < ASTRAY or ratio == 0.0 for ratio in ratios):
+        return fit.axis
+    free = balance.free(start)
+    again = balance.fit(start, free, prior(free), iterations=20)
+    return again.axis if again.squares < _judged(balance, fit).squares else fit.axis
 
 
 def contend(

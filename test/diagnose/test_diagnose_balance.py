@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tcs_friction.config import AxisFile, load_axis
+from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.balance import Balance, free_parameters, get, put
 from tcs_friction.diagnose.condition import condition, low_pass
 from tcs_friction.diagnose.selection import follows_motion, settle
@@ -17,7 +15,6 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.machine import build, tick
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import Instance, instance
-from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 
 COGGING = instance(effect("cogging"), {"order": 24.0, "amplitude": 0.6, "phase": 1.0})
@@ -103,14 +100,3 @@ def test_a_recording_without_motion_is_refused() -> None:
     t = np.arange(0.0, 10.0, 1e-2)
     with pytest.raises(InputError, match="position never changes"):
         diagnose([Recording(t, np.zeros(len(t)), np.sin(t))], AxisFile(axis()))
-
-
-@pytest.mark.parametrize("name", ["match", "cogging"])
-def test_practice_recordings_of_another_simulator(name: str, shared_data: Path) -> None:
-    folder = shared_data / "practice" / name
-    file = load_axis(folder / "axis.yaml")
-    assert file.signals is not None
-    found = diagnose(read_recordings([folder / "recording"], file.signals), file)
-    expected = [] if name == "match" else [name]
-    assert [item.effect for item in found.effects] == expected
-    assert found.improved.held_out < 1.15 * found.noise_floor

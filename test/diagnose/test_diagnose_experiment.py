@@ -25,7 +25,9 @@ def data() -> Conditioned:
 
 
 @pytest.mark.parametrize(("a", "b"), PAIRS, ids=lambda e: str(e.term.id))
-def test_proposal_stays_within_reach_and_loads(data: Conditioned, tmp_path: Path, a: Instance, b: Instance) -> None:
+def test_proposal_stays_within_reach_and_loads(
+    data: Conditioned, tmp_path: Path, a: Instance, b: Instance
+) -> None:
     found = next_experiment(axis(), a, b, data)
     assert found is not None
     assert found["separates"] == [a.term.id, b.term.id]

@@ -104,7 +104,11 @@ def test_good_data_have_no_limits(good: Recording) -> None:
 
 
 def found(position: np.ndarray) -> Conditioned:
-    torque = 60.0 * np.sign(np.gradient(position)) + 5.0 * np.sin(T) + 1000.0 * np.gradient(np.gradient(position, PERIOD), PERIOD)
+    torque = (
+        60.0 * np.sign(np.gradient(position))
+        + 5.0 * np.sin(T)
+        + 1000.0 * np.gradient(np.gradient(position, PERIOD), PERIOD)
+    )
     return conditioned(along(position, torque))
 
 
@@ -150,7 +154,9 @@ def test_short_and_narrow() -> None:
 
 def test_hardly_moving_names_nothing_that_moves() -> None:
     rng = np.random.default_rng(3)
-    r = Recording(t=T, position=1e-6 * rng.standard_normal(len(T)), torque=rng.standard_normal(len(T)), source="bag")
+    r = Recording(
+        t=T, position=1e-6 * rng.standard_normal(len(T)), torque=rng.standard_normal(len(T)), source="bag"
+    )
     data = condition([r])
     with pytest.raises(InputError, match="nothing but noise"):
         check_units(data, axis())

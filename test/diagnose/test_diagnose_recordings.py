@@ -1,0 +1,69 @@
+"""Whole diagnoses of recordings that were not made here: another simulator's, and real hardware's."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tcs_friction.config import load_axis
+from tcs_friction.diagnose.result import Diagnosis, Found
+from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.recording.bags import read_recordings
+
+
+def diagnosed(folder: Path) -> Diagnosis:
+    file = load_axis(folder / "axis.yaml")
+    assert file.signals is not None
+    return diagnose(read_recordings([folder / "recording"], file.signals), file)
+
+
+def named(found: Diagnosis, effect: str) -> Found:
+    """The effect, by its name or as one that the data cannot tell from it."""
+    return next(item for item in found.effects if effect in (item.effect, *item.equivalent))
+
+
+@pytest.mark.parametrize("name", ["match", "presliding", "cogging"])
+def test_practice_recordings_of_another_simulator(name: str, shared_data: Path) -> None:
+    folder = shared_data / "practice" / name
+    truth = json.loads((folder / "truth.json").read_text())
+    found = diagnosed(folder)
+    assert sorted(item.effect for item in found.effects) == sorted(truth["effects"])
+    assert found.verdict == ("missing_physics" if truth["effects"] else "parameters")
+    assert found.improved.held_out < 1.1 * found.noise_floor
+    if name == "cogging":
+        values = {key: entry["value"] for key, entry in found.effects[0].parameters.items()}
+        assert values["order"] == pytest.approx(truth["effect_parameters"]["cogk"], abs=0.01)
+        assert values["amplitude"] == pytest.approx(truth["effect_parameters"]["coga"], rel=0.01)
+
+
+def test_ball_screw(shared_data: Path) -> None:
+    """Real, 24.8 s: friction that depends on the direction and a ripple locked to the pitch of 2.5 mm."""
+    found = diagnosed(shared_data / "data" / "emps")
+    assert found.verdict == "missing_physics"
+    assert named(found, "viscous_asymmetry").parameters["asymmetry"]["value"] < -25.0
+    order = named(found, "cogging").parameters["order"]["value"]
+    assert 1.0 / order == pytest.approx(2.5e-3, rel=2e-3)
+    assert found.improved.held_out < 1.6 < 3.0 < found.retuned.held_out
+
+
+@pytest.mark.parametrize("name", ["bam_sin_sin_kp200", "bam_sin_sin_kp800"])
+def test_pendulum_on_a_servo(name: str, shared_data: Path) -> None:
+    """Real, 6 s: gravity, which over a quarter of a turn is hardly to be told from a cable."""
+    found = diagnosed(shared_data / "data" / name)
+    assert named(found, "imbalance") is found.effects[0]
+    assert found.improved.held_out < 0.5 * found.retuned.held_out
+
+
+def test_slow_motor(shared_data: Path) -> None:
+    """Real, 10 s, irregular sampling, one direction: cogging of 7 per turn."""
+    found = diagnosed(shared_data / "data" / "odrive_slow")
+    assert named(found, "cogging").parameters["order"]["value"] == pytest.approx(7.0, abs=0.1)
+    assert not {"coulomb_asymmetry", "viscous_asymmetry"} & {item.effect for item in found.effects}
+
+
+def test_too_little_motion_is_no_match(shared_data: Path) -> None:
+    """What one short run shows once cannot be confirmed, and what is far above the noise is no match."""
+    found = diagnosed(shared_data / "data" / "bam_lift_and_drop_kp200")
+    assert found.verdict != "match"
