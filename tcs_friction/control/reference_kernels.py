@@ -67,15 +67,13 @@ def _swept_sine(parameters: Array, t: float) -> Sample:
         parameters[3],
         parameters[4],
     )
-    if growth * sweep == 0.0:  # no sweep at all: a plain sine
-        rate, bend, angle, jerk = lowest, 0.0, lowest * t, 0.0
-    elif t < sweep:
-        rate = lowest * math.exp(growth * t)
-        bend, jerk = growth * rate, growth * growth * rate
-        angle = (rate - lowest) / growth
-    else:
-        rate, bend, jerk = lowest * math.exp(growth * sweep), 0.0, 0.0
-        angle = (rate - lowest) / growth + rate * (t - sweep)
+    swept = min(t, sweep)
+    rate = lowest * math.exp(growth * swept)
+    bend, jerk = (growth * rate, growth * growth * rate) if t < sweep else (0.0, 0.0)
+    stretch = (
+        math.expm1(growth * swept) / growth if growth * swept != 0.0 else swept
+    )  # s, that the angle has run at `lowest`
+    angle = lowest * stretch + rate * (t - swept)
     # position = center - amplitude/rate cos(angle); its derivatives with the slowly changing rate's own
     radius = amplitude / rate
     slope = -radius * bend / rate

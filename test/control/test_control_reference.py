@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tcs_friction.control.reference import (
@@ -36,8 +36,17 @@ def configurations() -> st.SearchStrategy[ReferenceConfig]:
     axis = st.sampled_from(["azimuth", "elevation"])
     return st.one_of(
         st.builds(Sinusoid, number(0, 2), number(0.5, 100), number(-4, 4), number(-3, 3)),
-        st.builds(Multisine, number(0, 0.1), number(0.01, 1), number(0.01, 0.2), st.integers(1, 20), speed=number(-1, 1)),
-        st.builds(SweptSine, number(0, 0.1), number(0.1, 1), number(1, 5), number(5, 50), speed=number(-1, 1)),
+        st.builds(
+            Multisine,
+            number(0, 0.1),
+            number(0.01, 1),
+            number(0.01, 0.2),
+            st.integers(1, 20),
+            speed=number(-1, 1),
+        ),
+        st.builds(
+            SweptSine, number(0, 0.1), number(0.1, 1), number(1, 5), number(5, 50), speed=number(-1, 1)
+        ),
         st.builds(Legs, number(1e-4, 0.1), number(0, 20), number(1e-3, 0.1), number(-3, 3)),
         st.builds(SatellitePass, axis, number(3e5, 2e6), number(0.1, 1.5), number(-100, 100), number(-3, 3)),
         st.builds(
@@ -48,6 +57,7 @@ def configurations() -> st.SearchStrategy[ReferenceConfig]:
 
 @settings(max_examples=150, deadline=None)
 @given(configurations(), number(0.1, 200.0))
+@example(SweptSine(0.0625, 0.9999999999999999, 1.0, 5.0), 1.0)  # hardly a sweep
 def test_speed_and_acceleration_are_the_derivatives(config: ReferenceConfig, t: float) -> None:
     reference = Reference(config)
     h = 1e-4
