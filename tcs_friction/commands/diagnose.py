@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--against", type=Path, metavar="SIM", help="bag of a simulation, whose physics is what is believed (needs no axis file)"
     )
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
-    parser.add_argument("--seed", type=int, default=0, help="accepted as by all commands; a diagnosis draws nothing (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
 
