@@ -105,6 +105,7 @@ def test_writes_everything_and_says_what_was_found(
     folder: Path, stood_in: list[Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(arguments(folder, "--seed", "3")) == 0
+    assert len(stood_in) == 1
     out = folder / "out"
     content = json.loads((out / "diagnosis.json").read_text())
     assert content["schema"] == "tcs_friction/diagnosis/1"
