@@ -31,14 +31,17 @@ def test_every_node_takes_arguments(name: str) -> None:
 
 
 def test_processes_compute_what_one_process_computes(processes: Any, listener: Any) -> None:
-    start(processes, "-p", "run_until:=0.8", "-p", "switch1:=true", "-p", "switch3:=true")
+    options = ("-p", "run_until:=0.8", "-p", "switch1:=true", "-p", "switch3:=true")
+    start(processes, *options, names=("plant",))
+    assert wait_until(lambda: listener.node.count_publishers("/azimuth/joint_states") == 1, 60.0), processes.log("plant")
+    start(processes, *options, names=LOOP[1:])  # the plant waits for them, and the listener is there already
     assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] >= 800_000_000, 90.0), processes.log("plant")
     loop = offline("lugre", duration=0.8)
     heard = {state[0]: state[1:] for state in listener.states}
     expected = {
         round(t * 1e9): (q, v, u) for t, q, v, u in zip(loop.t, loop.position, loop.velocity, loop.torque, strict=True)
     }
-    assert len(heard) > 300, len(heard)  # the listener may have joined late
+    assert len(heard) > 300, len(heard)
     assert all(values == expected[stamp] for stamp, values in heard.items())
 
 
@@ -72,7 +75,7 @@ def test_a_killed_node_is_named_and_the_run_goes_on_when_it_is_back(
 def test_a_plant_that_is_back_starts_a_new_run(processes: Any, listener: Any) -> None:
     start(processes)
     # long enough for the listener to find the new plant before it has come as far
-    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] > 1_200_000_000, 90.0)
+    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] > 3_000_000_000, 90.0)
     processes.kill("plant")
     processes.start("plant", *ARGUMENTS)
 
