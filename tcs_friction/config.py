@@ -77,6 +77,12 @@ class AxisFile:
         """The same file about another axis."""
         return replace(self, axis=axis)
 
+    def mapped(self, where: Path | str) -> SignalMap:
+        """Where the signals are in a bag. Raises InputError, naming the file `where`, when it does not say."""
+        if self.signals is None:
+            raise InputError(str(where), "no signals block", "signals: {position: ..., torque: ...}")
+        return self.signals
+
 
 def shipped(name: str) -> Path:
     """A file of the config folder, of the checkout or of the installed package; InputError if it has none of that name."""

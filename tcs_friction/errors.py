@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 MOST_LISTED = 40
 
@@ -33,6 +35,18 @@ class InputError(TcsError):
 
 class JobError(TcsError):
     """The input was fine and the job ran, but could not do what was asked. Exit status 1."""
+
+
+@contextmanager
+def writing_into(directory: Path) -> Iterator[None]:
+    """Makes the directory; what the system then refuses to have written there is an InputError that names it."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise InputError(
+            str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to"
+        ) from None
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -57,9 +57,7 @@ def _info(arguments: argparse.Namespace) -> None:
 
 def _export(arguments: argparse.Namespace) -> None:
     file = load_axis(arguments.axis)
-    if file.signals is None:
-        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
-    (recording,) = read_recordings([arguments.bag], file.signals)
+    (recording,) = read_recordings([arguments.bag], file.mapped(arguments.axis))
     export_table(recording, arguments.output, file.axis.kind)
     _tell(arguments, recording.notes, {"file": str(arguments.output), "samples": len(recording), "duration": recording.duration})
 

@@ -12,9 +12,10 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.config import AxisFile, default_control, load_axis, save_axis, write_whole
 from tcs_friction.control.observer_settings import ObserverSettings
-from tcs_friction.errors import InputError
+from tcs_friction.errors import writing_into
 from tcs_friction.identify.dob_calibration import DYNAMOMETER, Calibration, calibrate, comparisons_of
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -22,15 +23,8 @@ from tcs_friction.recording.signals import SignalMap, SignalSource
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument(
-        "bags", nargs="+", type=Path, metavar="BAG", help="recordings with the dynamometer on the axis"
-    )
-    parser.add_argument(
-        "--axis", required=True, type=Path, help="axis file: the observer, and where the signals are"
-    )
-    parser.add_argument(
-        "-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go"
-    )
+    axis = "axis file: the observer, and where the signals are"
+    add_recordings(parser, "recordings with the dynamometer on the axis", axis)
     parser.add_argument(
         "--dynamometer",
         metavar="TOPIC",
@@ -45,9 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Read, calibrate, write, say what came out."""
     file = load_axis(arguments.axis)
-    if file.signals is None:
-        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
-    signals = with_dynamometer(file.signals, file.axis.kind, arguments.dynamometer, arguments.field)
+    mapped = file.mapped(arguments.axis)
+    signals = with_dynamometer(mapped, file.axis.kind, arguments.dynamometer, arguments.field)
     recordings = read_recordings(arguments.bags, signals)
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
@@ -75,13 +68,9 @@ def with_dynamometer(signals: SignalMap, kind: str, topic: str | None, field: st
 
 
 def _write(directory: Path, text: str, file: AxisFile) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
+    with writing_into(directory):
         write_whole(directory / "calibration.json", text)
         save_axis(directory / "axis.yaml", file, "Observer calibrated against a dynamometer by tcs-friction.")
-    except OSError as error:
-        reason = f"cannot be written ({error.strerror or error})"
-        raise InputError(str(directory), reason, "a directory to write to") from None
 
 
 def _report(

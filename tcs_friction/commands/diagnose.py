@@ -11,6 +11,7 @@ import json
 import sys
 from pathlib import Path
 
+from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.result import Diagnosis
@@ -22,12 +23,11 @@ from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings, one data set with common physics")
-    parser.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="what is believed, and where the signals are")
+    axis = "what is believed, and where the signals are"
+    add_recordings(parser, "recordings, one data set with common physics", axis, axis_required=False)
     parser.add_argument(
         "--against", type=Path, metavar="SIM", help="bag of a simulation, whose physics is what is believed (needs no axis file)"
     )
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go")
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
@@ -40,9 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
     progress = _progress if sys.stderr.isatty() else _silent
     file, remark = _believed(arguments)
-    if file.signals is None:
-        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
-    recordings = read_recordings(arguments.bags, file.signals)
+    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
     found = diagnose(recordings, file, progress=progress)
     progress(1.0, "writing")
     report = write_diagnosis(arguments.output, found)

@@ -11,9 +11,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
-from tcs_friction.errors import InputError, JobError
+from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.conclusions import UNCERTAINTIES
 from tcs_friction.identify.identification import METHODS, IdentifyOptions, identified_axis, identify
@@ -27,15 +28,8 @@ ALL = "all"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "bags", nargs="+", type=Path, metavar="BAG", help="recordings, one data set with common physics"
-    )
-    parser.add_argument(
-        "--axis", required=True, type=Path, help="axis file: what is believed, and where the signals are"
-    )
-    parser.add_argument(
-        "-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go"
-    )
+    axis = "axis file: what is believed, and where the signals are"
+    add_recordings(parser, "recordings, one data set with common physics", axis)
     parser.add_argument(
         "--law", help="friction law to fit instead of the axis file's; all: compare them on held-out data"
     )
@@ -65,8 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     file = load_axis(arguments.axis)
-    if file.signals is None:
-        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
+    signals = file.mapped(arguments.axis)
     options = IdentifyOptions(
         hold_inertia=arguments.hold_inertia,
         offset=not arguments.no_offset,
@@ -77,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")
-    recordings = read_recordings(arguments.bags, file.signals)
+    recordings = read_recordings(arguments.bags, signals)
     progress = _progress if sys.stderr.isatty() else _silent
     comparison = None
     if arguments.law == ALL:
@@ -132,14 +125,9 @@ def _write(
     axis = identified_axis(file.axis, found)
     comment = f"Friction identified by tcs-friction ({found.law}, {found.method}, seed {found.seed})."
     text = json.dumps(_content(found, comparison), indent=2, allow_nan=False) + "\n"
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
+    with writing_into(directory):
         write_whole(directory / "identification.json", text)
         save_axis(directory / "axis.yaml", replace(file, axis=axis), comment)
-    except OSError as error:
-        raise InputError(
-            str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to"
-        ) from None
     try:
         from tcs_friction.report.identification import write_report
     except ModuleNotFoundError:

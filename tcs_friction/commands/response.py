@@ -12,8 +12,9 @@ import argparse
 import json
 from pathlib import Path
 
+from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.config import load_axis, write_whole
-from tcs_friction.errors import InputError, JobError
+from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.plant_response import (
     PERIODS,
     SEGMENTS,
@@ -35,13 +36,8 @@ NO_REFERENCE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings of an excited run")
-    parser.add_argument(
-        "--axis", required=True, type=Path, help="axis file: known delay, and where the signals are"
-    )
-    parser.add_argument(
-        "-o", "--output", required=True, type=Path, metavar="DIR", help="where the results go"
-    )
+    axis = "axis file: known delay, and where the signals are"
+    add_recordings(parser, "recordings of an excited run", axis)
     parser.add_argument(
         "--lowest", type=float, metavar="HZ", help="default: what the length of the recordings allows"
     )
@@ -52,9 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Read, estimate, fit, write, say what came out."""
     file = load_axis(arguments.axis)
-    if file.signals is None:
-        raise InputError(str(arguments.axis), "no signals block", "signals: {position: ..., torque: ...}")
-    recordings = read_recordings(arguments.bags, file.signals)
+    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
     lowest, highest = frequencies(recordings, arguments.lowest, arguments.highest)
     measured = of_recordings(recordings, lowest, highest, file.axis.actuation_delay)
     models = (fit_second_order(measured), fit_two_inertias(measured))
@@ -66,11 +60,8 @@ def run(arguments: argparse.Namespace) -> None:
         "notes": notes,
     }
     text = json.dumps(content, allow_nan=False)
-    try:
+    with writing_into(arguments.output):
         write_whole(arguments.output / "response.json", text + "\n")
-    except OSError as error:
-        reason = f"cannot be written ({error.strerror or error})"
-        raise InputError(str(arguments.output), reason, "a directory to write to") from None
     sources = [recording.source for recording in recordings]
     path = write_report(arguments.output, measured, models, file.axis.kind, sources, notes)
     shown = [sentence(models, file.axis.kind), *map(_line, models), *notes, str(path)]

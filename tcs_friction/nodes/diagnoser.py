@@ -14,7 +14,7 @@ from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.control.config_field import setting
 from tcs_friction.diagnose.verdict import diagnose
-from tcs_friction.errors import InputError, JobError
+from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
@@ -75,9 +75,7 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
 
     def _recordings(self, request: Any, file: AxisFile) -> tuple[Recording, ...]:
         if request.bags:
-            if file.signals is None:
-                raise InputError(request.axis or "axis file", "no signals block", "signals: {position: ..., torque: ...}")
-            return read_recordings([Path(name) for name in request.bags], file.signals)
+            return read_recordings([Path(name) for name in request.bags], file.mapped(request.axis or "axis file"))
         return (self._live.recording(),)
 
 

@@ -20,7 +20,7 @@ from tcs_friction_msgs.srv import Identify as IdentifyService
 
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
 from tcs_friction.control.config_field import choice, setting, switch
-from tcs_friction.errors import InputError, JobError
+from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.identification import METHODS, identified_axis, identify
 from tcs_friction.identify.motion import Data, FrictionSeries
 from tcs_friction.identify.pso_ga import Generation
@@ -118,10 +118,8 @@ class Identifier(AxisNode[IdentifierConfig]):
     def _data(self, request: Any, file: AxisFile) -> tuple[list[Data], str]:
         """Recordings of the bags named, or the series of live estimates, or without any the live recording of joint states."""
         if request.bags:
-            if file.signals is None:
-                raise InputError(request.axis or "axis file", "no signals block", "signals: {position: ..., torque: ...}")
             bags = [Path(name) for name in request.bags]
-            return list(read_recordings(bags, file.signals)), ", ".join(request.bags)
+            return list(read_recordings(bags, file.mapped(request.axis or "axis file"))), ", ".join(request.bags)
         if not len(self._series):
             return [self._live.recording()], f"{len(self._live)} live joint states"
         t, velocity, torque = self._series.arrays()
@@ -146,12 +144,9 @@ def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreP
 
 def write_result(directory: Path, file: AxisFile, found: Identification) -> None:
     """identification.json and axis.yaml, as the command writes them."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
+    with writing_into(directory):
         write_whole(directory / "identification.json", json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n")
         save_axis(directory / "axis.yaml", replace(file, axis=identified_axis(file.axis, found)))
-    except OSError as error:
-        raise InputError(str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to") from None
 
 
 def main(args: Sequence[str] | None = None) -> int:

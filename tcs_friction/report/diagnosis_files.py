@@ -13,7 +13,7 @@ from pathlib import Path
 from tcs_friction.config import save_axis, write_whole
 from tcs_friction.diagnose.experiment import reference_text
 from tcs_friction.diagnose.result import Diagnosis
-from tcs_friction.errors import InputError
+from tcs_friction.errors import writing_into
 from tcs_friction.report.diagnosis import write_report
 
 EXPERIMENT = "next_experiment.yaml"
@@ -27,15 +27,11 @@ def staged(directory: Path) -> Iterator[Path]:
     """
     part: Path | None = None
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=".part-", dir=directory))
-        yield part
-        for path in sorted(part.iterdir(), key=lambda path: path.suffix == ".html"):
-            os.replace(path, directory / path.name)
-    except OSError as error:
-        raise InputError(
-            str(directory), f"cannot be written ({error.strerror or error})", "a directory to write to"
-        ) from None
+        with writing_into(directory):
+            part = Path(tempfile.mkdtemp(prefix=".part-", dir=directory))
+            yield part
+            for path in sorted(part.iterdir(), key=lambda path: path.suffix == ".html"):
+                os.replace(path, directory / path.name)
     finally:
         if part is not None:
             shutil.rmtree(part, ignore_errors=True)
