@@ -106,6 +106,11 @@ def follows_motion(term: Term) -> bool:
     return term.place in (Place.SCALE, Place.DRIVE, Place.BODY) or term.states != 0
 
 
+def rings(term: Term) -> bool:
+    """Whether an effect is a body that swings or collides: what it explains is fast, as the noise is."""
+    return term.place is Place.BODY and term.states != 0
+
+
 def chance(balance: Balance, count: int, looks: float) -> float:
     """Gain that chance may give `count` free numbers, the best of `looks` alternatives."""
     return count * math.log(balance.effective_count) + 2.0 * math.log(looks * len(effects()) / FALSE_ALARM)
@@ -147,7 +152,7 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
         balance, axis, fit.axis.effects[-1]
     ):
         gain = 0.0
-    elif follows_motion(term) and term.coordinate != "frequency":
+    elif follows_motion(term) and not rings(term):
         before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
         after = slow_part(balance, balance.whiten(balance.residual(fit.axis)))
         slow = float(before @ before - after @ after) / spread
@@ -186,14 +191,17 @@ def left_out(balance: Balance, fit: Fit) -> LeftOut:
     """The last effect's own numbers without one piece at a time, linear about the optimum; a piece is as long as a held-out one.
 
     All other numbers follow the effect as they do over the whole data: what one piece alone says about a bristle is not asked.
+    The shape of a jagged effect stays as it is: derivatives by it say nothing.
     """
+    item = fit.axis.effects[-1]
+    own = np.array([f.owner == len(fit.axis.effects) - 1 for f in fit.free])
+    still = [mine and _jagged(item, f) for mine, f in zip(own, fit.free, strict=True)]
     residual = balance.residual(fit.axis)
     plain = balance.columns(fit.axis, fit.free, residual)
     size = np.linalg.norm(plain, axis=0) * [
-        at_bound(fit.axis, fit.free, k) == 0 for k in range(len(fit.free))
+        at_bound(fit.axis, fit.free, k) == 0 and not still[k] for k in range(len(fit.free))
     ]
-    plain = plain[:, size > 0.0] / size[size > 0.0]
-    own = np.array([f.owner == len(fit.axis.effects) - 1 for f in fit.free])[size > 0.0]
+    plain, own = plain[:, size > 0.0] / size[size > 0.0], own[size > 0.0]
     columns, white = balance.whiten(plain), balance.whiten(residual)
     follow = np.linalg.lstsq(columns[:, ~own], columns[:, own], rcond=1e-9)[0]
     plain, columns = plain[:, own] - plain[:, ~own] @ follow, columns[:, own] - columns[:, ~own] @ follow
@@ -210,6 +218,11 @@ def left_out(balance: Balance, fit: Fit) -> LeftOut:
     return squares
 
 
+def _jagged(item: Instance, number: Free) -> bool:
+    """Whether the effect's torque jumps with one of its numbers."""
+    return item.term.jagged and item.term.parameter(number.name).role is Role.SHAPE
+
+
 def as_fitted(balance: Balance, fit: Fit) -> LeftOut:
     """Squares of a fit on every piece as it is."""
     residual = balance.residual(fit.axis)
@@ -223,6 +236,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
     """Candidates, best first, the best of them confirmed: what it gains, it gains on pieces that it was not fitted to.
 
     There the plain residual must not grow, and what depends on the place not gain in a single piece: it comes back to its place.
+    A jagged effect's best and worst piece do not count: one collision lost throws a whole piece out of step.
     """
     before: LeftOut | None = None
     if not candidates:
@@ -240,7 +254,11 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         placed = best.fit.axis.effects[-1].term.coordinate == "position"
         if placed and gain - float(gains.max()) < ONCE * gain:
             gain = 0.0
-        if after.plain.sum() > WORSE * before.plain.sum():
+        kept = slice(None)
+        if best.fit.axis.effects[-1].term.jagged:
+            kept = np.argsort(gains)[1:-1]
+            gain = float(gains[kept].sum())
+        if after.plain[kept].sum() > WORSE * before.plain[kept].sum():
             gain = 0.0
         waiting.remove(best)
         done.append(replace(best, gain=min(best.gain, gain + best.threshold if gain > 0.0 else gain)))

@@ -146,7 +146,7 @@ class _Judge:
         found = tuple(sorted(found, key=lambda f: -f.torque_rms))
         floor = self.balance.noise_floor(residuals["improved"])
         unexplained = self._unexplained(errors, floor)
-        verdict = self._verdict(errors, unexplained)
+        verdict = self._verdict(errors, unexplained, found)
         runs = {name: free_run(self.data, axis) for name, axis in axes.items()}
         lines = limits(self.data, self.file.axis)
         return Diagnosis(
@@ -175,12 +175,13 @@ class _Judge:
         train, held = residual[self.balance.train], residual[self.balance.held_out]
         return Errors(_rms(train), _rms(held) if len(held) else _rms(train))
 
-    def _verdict(self, errors: Mapping[str, Errors], unexplained: Unexplained) -> str:
-        named = len(self._vocabulary()) - len(self.file.axis.effects)
+    def _verdict(self, errors: Mapping[str, Errors], unexplained: Unexplained, found: Sequence[Found]) -> str:
+        """What is left counts beside what the named effects explain; collisions are real though none comes at its exact time."""
         explained = errors["retuned"].train ** 2 - errors["improved"].train ** 2
-        if unexplained.present and (not named or unexplained.torque_rms**2 > REST * explained):
+        explained = max([explained, *(f.torque_rms**2 for f in found if f.instance.term.jagged)])
+        if unexplained.present and (not found or unexplained.torque_rms**2 > REST * explained):
             return "unexplained"
-        if named:
+        if found:
             return "missing_physics"
         white = self.balance.whiten(self.balance.residual(self.file.axis))
         spread = max(1.0, self.fit.squares / self.balance.effective_count)

@@ -198,6 +198,7 @@ class Term:
     reads: what it reads beside motion, time and recorded signals: the "torque" at the rotor, what "friction" terms wrote.
     A term that reads nothing else adds the same torque whatever else the axis has.
     rotary: whether only a rotary axis can have it.
+    jagged: whether its torque jumps with its shape, as collisions do: a search then cannot follow derivatives.
     """
 
     id: str
@@ -218,6 +219,7 @@ class Term:
     tabulated: bool = False
     reads: tuple[str, ...] = ("torque", "friction")
     rotary: bool = False
+    jagged: bool = False
 
     def parameter(self, name: str) -> Parameter:
         """The declared parameter of that name."""

@@ -16,39 +16,43 @@ from tcs_friction.physics.terms import (
     VELOCITY,
     Parameter,
     Place,
+    Role,
     Survey,
     Term,
     geometric,
     kernel,
 )
 
+FINENESS = 1.3  # factor between gaps
+
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: started, deflection (rad), velocity of the second body (rad/s). Steps are cut to follow the contact."""
-    half, ratio, omega, damping = (
-        0.5 * parameters[0],
-        parameters[1],
-        2.0 * math.pi * parameters[2],
-        parameters[3],
-    )
+    """State: started, deflection (rad), velocity of the second body (rad/s); step for which the contact is solved, its
+    number of pieces and the solution over one. Steps are cut to follow the contact."""
+    half, ratio = 0.5 * parameters[0], parameters[1]
     carried = ratio * motion[INERTIA]
     motion[INERTIA] -= carried
     if state[0] == 0.0 or dt <= 0.0:
         state[0], state[1], state[2] = 1.0, 0.0, motion[VELOCITY]
         return 0.0
+    if state[3] != dt:
+        omega, damping = 2.0 * math.pi * parameters[2], parameters[3]
+        state[3], state[4] = dt, min(max(math.ceil(omega * dt / 0.1), 1), 50)
+        state[5], state[6] = oscillate(1.0, 0.0, omega, damping, dt / state[4])
+        state[7], state[8] = oscillate(0.0, 1.0, omega, damping, dt / state[4])
     shaft = motion[TRAVEL] / dt
-    pieces = min(max(math.ceil(omega * dt / 0.2), 1), 50)
-    step = dt / pieces
+    step = dt / state[4]
     deflection, rate, impulse = state[1], state[2] - shaft, 0.0
-    for _ in range(pieces):
+    for _ in range(int(state[4])):
         before = rate
         end = min(max(deflection, -half), half)
-        if deflection == end:
+        beyond = deflection - end
+        if beyond == 0.0:
             deflection += rate * step
         else:
-            beyond, rate = oscillate(deflection - end, rate, omega, damping, step)
-            deflection = end + beyond
+            deflection = end + state[5] * beyond + state[7] * rate
+            rate = state[6] * beyond + state[8] * rate
         impulse += rate - before
     state[1] = deflection
     state[2] = shaft + rate
@@ -56,8 +60,14 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    gaps = geometric(max(20.0 * survey.resolution, 1e-6 * survey.span), 0.03 * survey.span, 8)
-    return [{"gap": gap, "inertia_ratio": ratio} for gap in gaps for ratio in (0.05, 0.3)]
+    """Gaps close enough together for collisions to come in time, for a soft and a stiff contact."""
+    lower, upper = max(20.0 * survey.resolution, 1e-6 * survey.span), 0.03 * survey.span
+    gaps = geometric(lower, upper, max(2, math.ceil(math.log(upper / lower) / math.log(FINENESS)) + 1))
+    return [
+        {"gap": gap, "contact_frequency": frequency, "contact_damping": 0.15}
+        for gap in gaps
+        for frequency in (0.7 * survey.cutoff, 1.4 * survey.cutoff)
+    ]
 
 
 TERM = Term(
@@ -66,7 +76,9 @@ TERM = Term(
     form="inertia_ratio J behind a gap: free inside, spring and damper at its ends",
     parameters=(
         Parameter("gap", "rad", "full width of the gap", lower=0.0),
-        Parameter("inertia_ratio", "", "share of the inertia behind the gap", lower=0.0, upper=0.99),
+        Parameter(
+            "inertia_ratio", "", "share of the inertia behind the gap", role=Role.LINEAR, lower=0.0, upper=0.99
+        ),
         Parameter(
             "contact_frequency", "Hz", "resonance of that share on the contact", lower=1e-3, default=50.0
         ),
@@ -74,8 +86,9 @@ TERM = Term(
     ),
     kernel=torque,
     reads=(),
-    states=3,
+    states=9,
     coordinate="time_since_reversal",
     subsystem="structure",
     scan=scan,
+    jagged=True,
 )
