@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.config import load_axis, write_whole

@@ -31,15 +31,26 @@ PROMISING = 12.0  # gain for each free number from which a start is worth a sear
 PEAKS = 3  # of a spectrum or a scan that are tried exactly
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
-    """Where a joint fit of one more effect may start; `gain` is the drop of the whitened squares that it promises."""
+    """Where a joint fit of one more effect, or of two, may start; `gain` is the drop of the whitened squares that it promises."""
 
-    instance: Instance
+    instances: tuple[Instance, ...]
     gain: float
     count: int  # of free numbers
     looks: float  # how many alternatives were looked at to find it
+    columns: np.ndarray  # (rows, k) projected and whitened, of its linear numbers; none where the gain is not linear
     excess: float = 1.0  # how much chance gives near its order, over what the noise estimate says
+
+    @property
+    def instance(self) -> Instance:
+        """The effect, the first of two."""
+        return self.instances[0]
+
+    @property
+    def name(self) -> str:
+        """Ids, with the signals they act through."""
+        return "+".join(i.term.id + (f":{i.signal}" if i.signal else "") for i in self.instances)
 
 
 class Background:
@@ -218,9 +229,8 @@ def _judge_linear(
     full[keep] = amplitudes / norms[keep]
     if _impossible(term, full):
         return None
-    return Start(
-        _with_amplitudes(term, values, signal_name, full), gain, int(keep.sum()) + len(values), looks
-    )
+    item = _with_amplitudes(term, values, signal_name, full)
+    return Start((item,), gain, int(keep.sum()) + len(values), looks, columns[:, keep] / norms[keep])
 
 
 def _impossible(term: Term, amplitudes: np.ndarray) -> bool:
@@ -251,7 +261,8 @@ def _judge_directly(
 ) -> Start | None:
     item = instance(term, values, signal=signal_name)
     changed = background.project(background.balance.whiten(background.residual + background.column(item)))
-    return Start(item, background.squares - float(changed @ changed), len(values), looks)
+    gain = background.squares - float(changed @ changed)
+    return Start((item,), gain, len(values), looks, np.empty((len(changed), 0)))
 
 
 def _local_scans(
@@ -355,7 +366,7 @@ def _pruned(background: Background, start: Start, looks: float) -> Start:
     amplitudes = np.zeros(2 * len(names))
     amplitudes[chosen] = some
     item = _with_amplitudes(term, shape, start.instance.signal, amplitudes)
-    return Start(item, gain, 2 * len(kept) + 1, looks)
+    return Start((item,), gain, 2 * len(kept) + 1, looks, columns[:, chosen])
 
 
 def dispersion(background: Background) -> float:
@@ -460,3 +471,28 @@ def all_starts(
         if term.id not in barred
     ]
     return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.gain / start.excess)
+
+
+def together(background: Background, found: Sequence[Start]) -> list[Start]:
+    """Pairs of starts that promise more together than the two apart, best first.
+
+    Two effects may hide each other: a bias and an imbalance over a short travel, say. One at a time, neither shows.
+    """
+    linear = [start for start in found if start.columns.shape[1]]
+    ends = np.cumsum([0, *(start.columns.shape[1] for start in linear)])
+    columns = np.concatenate([start.columns for start in linear], axis=1) if linear else np.empty((0, 0))
+    gram, scores = columns.T @ columns, columns.T @ background.white
+    looks = math.comb(max(len(linear), 2), 2)
+    result = []
+    for i, j in itertools.combinations(range(len(linear)), 2):
+        one, two = linear[i], linear[j]
+        if one.instance.term is two.instance.term:
+            continue
+        both = [*range(ends[i], ends[i + 1]), *range(ends[j], ends[j + 1])]
+        amplitudes = np.linalg.lstsq(gram[np.ix_(both, both)], -scores[both], rcond=1e-8)[0]
+        gain = float(-scores[both] @ amplitudes)
+        if gain > one.gain + two.gain:
+            excess, count = max(one.excess, two.excess), one.count + two.count
+            items = one.instances + two.instances
+            result.append(Start(items, gain, count, looks * one.looks * two.looks, columns[:, both], excess))
+    return sorted(result, key=lambda start: -start.gain / start.excess)

@@ -9,7 +9,7 @@ drive, body) also fit what smoothing and sampling leave behind; they have to exp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
-from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion, survey
+from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion, survey, together
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Term
@@ -42,12 +42,18 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect after its joint fit in one round: the drop of squares in units of the noise, what chance takes, its fit."""
+    """An effect, or two, after a joint fit: the drop of squares in units of the noise, what chance takes, the fit."""
 
     name: str
     gain: float
     threshold: float
     fit: Fit
+    count: int = 1  # of effects, the fit's last ones
+
+    @property
+    def items(self) -> tuple[Instance, ...]:
+        """The effects."""
+        return self.fit.axis.effects[-self.count :]
 
     @property
     def score(self) -> float:
@@ -116,10 +122,10 @@ def chance(balance: Balance, count: int, looks: float) -> float:
     return count * math.log(balance.effective_count) + 2.0 * math.log(looks * len(effects()) / FALSE_ALARM)
 
 
-def threshold(balance: Balance, term: Term, count: int, looks: float) -> float:
+def threshold(balance: Balance, terms: Sequence[Term], count: int, looks: float) -> float:
     """Gain that chance, and for some effects smoothing, may give."""
-    material = MATERIAL * balance.effective_count if follows_motion(term) else 0.0
-    return chance(balance, count, looks) + material
+    material = MATERIAL * balance.effective_count if any(map(follows_motion, terms)) else 0.0
+    return chance(balance, count, looks) + material + (len(terms) - 1) * chance(balance, 0, 1.0)
 
 
 def slow_part(balance: Balance, white: np.ndarray) -> np.ndarray:
@@ -134,31 +140,41 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
     follow the motion gain by it at high frequency. What they gain must show in the slow part as well.
     """
-    term = start.instance.term
-    widened = axis.with_effect(start.instance)
-    if term.id == "transport_delay":  # it takes the alignment of the log over
-        late = start.instance.values["delay"] + axis.actuation_delay - balance.believed_delay
-        widened = replace(axis, actuation_delay=balance.believed_delay).with_effect(
-            start.instance.replace(delay=max(late, 0.0))
-        )
+    widened = axis
+    for item in start.instances:
+        widened = _widened(balance, widened, item)
     free = balance.free(widened)
     fit = balance.fit(widened, free, prior(free), iterations=6, tolerance=0.5)
-    name = term.id + (f":{start.instance.signal}" if start.instance.signal else "")
-    limit = threshold(balance, term, start.count, start.looks)
+    terms = [item.term for item in start.instances]
+    limit = threshold(balance, terms, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
-    alone = replace(fit.axis, effects=fit.axis.effects[:-1])
-    own = balance.residual(alone) - balance.residual(fit.axis)
-    if float(np.std(own[balance.train])) > LARGEST * balance.torque_size or _out_of_reach(
-        balance, axis, fit.axis.effects[-1]
-    ):
+    if any(_implausible(balance, axis, fit, len(axis.effects) + k) for k in range(len(terms))):
         gain = 0.0
-    elif follows_motion(term) and not rings(term):
+    elif any(follows_motion(term) and not rings(term) for term in terms):
         before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
         after = slow_part(balance, balance.whiten(balance.residual(fit.axis)))
         slow = float(before @ before - after @ after) / spread
         if slow < chance(balance, start.count, start.looks):
             gain = min(gain, slow)
-    return Candidate(name, gain, limit, fit)
+    return Candidate(start.name, gain, limit, fit, len(terms))
+
+
+def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
+    """The axis with one more effect; a delay takes the alignment of the log over."""
+    if item.term.id != "transport_delay":
+        return axis.with_effect(item)
+    late = item.values["delay"] + axis.actuation_delay - balance.believed_delay
+    aligned = replace(axis, actuation_delay=balance.believed_delay)
+    return aligned.with_effect(item.replace(delay=max(late, 0.0)))
+
+
+def _implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
+    """Whether one of the fitted effects is larger than any torque, or ended where it proposes nothing for such a recording."""
+    kept = tuple(item for k, item in enumerate(fit.axis.effects) if k != index)
+    own = balance.residual(replace(fit.axis, effects=kept)) - balance.residual(fit.axis)
+    return float(np.std(own[balance.train])) > LARGEST * balance.torque_size or _out_of_reach(
+        balance, axis, fit.axis.effects[index]
+    )
 
 
 @dataclass(frozen=True)
@@ -187,15 +203,15 @@ def _out_of_reach(balance: Balance, axis: Axis, item: Instance) -> bool:
     return False
 
 
-def left_out(balance: Balance, fit: Fit) -> LeftOut:
-    """The last effect's own numbers without one piece at a time, linear about the optimum; a piece is as long as a held-out one.
+def left_out(balance: Balance, fit: Fit, count: int = 1) -> LeftOut:
+    """The numbers of the last `count` effects without one piece at a time, linear about the optimum.
 
-    All other numbers follow the effect as they do over the whole data: what one piece alone says about a bristle is not asked.
+    A piece is as long as a held-out one. All other numbers follow the effects as they do over the whole data: what one piece
+    alone says about a bristle is not asked.
     The shape of a jagged effect stays as it is: derivatives by it say nothing.
     """
-    item = fit.axis.effects[-1]
-    own = np.array([f.owner == len(fit.axis.effects) - 1 for f in fit.free])
-    still = [mine and _jagged(item, f) for mine, f in zip(own, fit.free, strict=True)]
+    own = np.array([f.owner >= len(fit.axis.effects) - count for f in fit.free])
+    still = [mine and _jagged(fit.axis, f) for mine, f in zip(own, fit.free, strict=True)]
     residual = balance.residual(fit.axis)
     plain = balance.columns(fit.axis, fit.free, residual)
     size = np.linalg.norm(plain, axis=0) * [
@@ -218,8 +234,9 @@ def left_out(balance: Balance, fit: Fit) -> LeftOut:
     return squares
 
 
-def _jagged(item: Instance, number: Free) -> bool:
-    """Whether the effect's torque jumps with one of its numbers."""
+def _jagged(axis: Axis, number: Free) -> bool:
+    """Whether its effect's torque jumps with a number."""
+    item = axis.effects[number.owner]
     return item.term.jagged and item.term.parameter(number.name).role is Role.SHAPE
 
 
@@ -248,15 +265,15 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         if best.score <= 0.0 or any(best is candidate for candidate in done):
             break
         before = as_fitted(balance, fit) if before is None else before
-        after = left_out(balance, best.fit)
+        after = left_out(balance, best.fit, best.count)
         gains = (before.white - after.white) / spread
         gain = float(gains.sum())
-        placed = best.fit.axis.effects[-1].term.coordinate == "position"
+        placed = any(item.term.coordinate == "position" for item in best.items)
         if placed and gain - float(gains.max()) < ONCE * gain:
             gain = 0.0
-        kept = slice(None)
-        if best.fit.axis.effects[-1].term.jagged:
-            kept = np.argsort(gains)[1:-1]
+        kept = np.argsort(gains)
+        if any(item.term.jagged for item in best.items):
+            kept = kept[1:-1]
             gain = float(gains[kept].sum())
         if after.plain[kept].sum() > WORSE * before.plain[kept].sum():
             gain = 0.0
@@ -273,30 +290,36 @@ def simplest(balance: Balance, candidates: list[Candidate]) -> Candidate:
         return best
     same = SAME * balance.misfit(best.fit.axis)
     close = [c for c in candidates if c.score > max(best.score - same, 0.0)]
-    return min(close, key=lambda c: (len(c.fit.axis.effects[-1].term.parameters), -c.score))
+    return min(close, key=lambda c: (sum(len(item.term.parameters) for item in c.items), -c.score))
 
 
 def one_round(
-    balance: Balance, fit: Fit, pool: ThreadPoolExecutor, barred: frozenset[str] = frozenset()
+    balance: Balance,
+    fit: Fit,
+    pool: ThreadPoolExecutor,
+    barred: frozenset[str] = frozenset(),
+    pairs: bool = False,
 ) -> list[Candidate]:
-    """All effects on top of a fit, the promising ones fitted jointly, best first."""
+    """All effects on top of a fit, and pairs of them where asked for; the promising ones fitted jointly, best first."""
     background = Background(balance, fit.axis, fit.free)
     spread = dispersion(background)
     base = _judged(balance, fit)
-    promising: list[Start] = []
-    seen: dict[str, int] = {}
-    for start in all_starts(background, pool, barred):
-        key = f"{start.instance.term.id}:{start.instance.signal}"
-        term = start.instance.term
-        limit = threshold(balance, term, start.count, start.looks)
-        if (
-            start.gain / spread / start.excess < 0.5 * limit
-            or seen.get(key, 0) >= 1
-            or len(promising) >= TRIED
-        ):
-            continue
-        seen[key] = seen.get(key, 0) + 1
-        promising.append(start)
+
+    def promise(start: Start, share: float) -> float:
+        limit = threshold(balance, [item.term for item in start.instances], start.count, start.looks)
+        return start.gain / spread / start.excess - share * limit
+
+    found = all_starts(background, pool, barred)
+    best: dict[str, Start] = {}
+    for start in found:
+        if promise(start, 0.5) >= 0.0:
+            best.setdefault(start.name, start)
+    promising = list(best.values())[:TRIED]
+    if pairs:
+        single = max((promise(start, 1.0) for start in found), default=0.0)
+        both = max(together(background, found), key=lambda pair: promise(pair, 1.0), default=None)
+        if both is not None and promise(both, 1.0) > max(single, 0.0):
+            promising.append(both)
     candidates = list(pool.map(lambda start: refine(balance, fit.axis, start, base, spread), promising))
     return confirmed(balance, base, candidates, spread)
 
@@ -327,7 +350,7 @@ def select(
                 progress(
                     0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
                 )
-            candidates = one_round(balance, fit, pool, barred)
+            candidates = one_round(balance, fit, pool, barred, pairs=True)
             selection.rounds.append(candidates)
             if not candidates or candidates[0].score <= 0.0:
                 break
@@ -382,7 +405,7 @@ def contest(
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
     same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)
-    if candidates and candidates[0].score > gain - threshold(balance, item.term, count, 1.0) + same:
+    if candidates and candidates[0].score > gain - threshold(balance, [item.term], count, 1.0) + same:
         best = candidates[0]
         order = [*range(index), len(best.fit.axis.effects) - 1, *range(index, len(best.fit.axis.effects) - 1)]
         swapped = replace(best.fit.axis, effects=tuple(best.fit.axis.effects[i] for i in order))
@@ -398,10 +421,33 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
         for index in range(believed, len(fit.axis.effects)):
             term = fit.axis.effects[index].term
             count = sum(f.owner == index for f in fit.free)
-            limit = threshold(balance, term, count, 1.0)
+            limit = threshold(balance, [term], count, 1.0)
             losses.append(((without(balance, fit, index).squares - fit.squares) / spread - limit, index))
         weakest, index = min(losses)
         if weakest > 0.0:
             return fit
+        fit = settle(balance, without(balance, fit, index).axis, rounds=1)
+    return fit
+
+
+def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
+    """The fit without effects that a torque of unknown cause, as large and as slow as what is left, explains by chance.
+
+    Whitening is estimated from what does not repeat and does not reach down to slow torques; here the residual as it is counts
+    as noise, its density (one-sided, N^2 m^2/Hz) averaged over its own power.
+    """
+    while len(fit.axis.effects) > believed:
+        residual = balance.residual(fit.axis)
+        power = np.abs(np.fft.rfft(np.where(balance.train, residual, 0.0))[1:]) ** 2
+        density = 2.0 * balance.data.dt * float(np.sum(power**2) / np.sum(power)) / balance.train.sum()
+        margins = []
+        for index in range(believed, len(fit.axis.effects)):
+            alone = without(balance, fit, index)
+            energy = float(np.sum(balance.residual(alone.axis)[balance.train] ** 2 - residual[balance.train] ** 2))
+            needed = chance(balance, sum(f.owner == index for f in fit.free), 1.0)
+            margins.append((energy * balance.data.dt - 0.5 * density * needed, index))
+        weakest, index = min(margins)
+        if weakest > 0.0:
+            break
         fit = settle(balance, without(balance, fit, index).axis, rounds=1)
     return fit

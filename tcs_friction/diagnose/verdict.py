@@ -18,7 +18,7 @@ from tcs_friction.diagnose.experiment import next_experiment
 from tcs_friction.diagnose.limits import barred, check_units, limits
 from tcs_friction.diagnose.proof import free_run, usable_horizon
 from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
-from tcs_friction.diagnose.selection import Rivals, Selection, chance, contend, select, settle
+from tcs_friction.diagnose.selection import Rivals, Selection, chance, contend, outstanding, select, settle
 from tcs_friction.diagnose.statement import statement
 from tcs_friction.diagnose.structure import Structure, remaining_structure
 from tcs_friction.physics.axis import Axis
@@ -61,6 +61,8 @@ def diagnose(
     selection = select(balance, file.axis, tell, impossible)
     tell(0.75, "looking for structure that remains")
     structure = remaining_structure(balance, selection.chosen)
+    if structure is not None and structure.coordinates == ("time",):
+        selection.chosen = outstanding(balance, selection.chosen, len(file.axis.effects))
     plain = _plain_map(balance, selection, structure)
     if plain is not None:
         fit, structure = plain
