@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage, signal
@@ -82,12 +83,17 @@ class Conditioned:
 
     def narrowed(self, x: np.ndarray) -> np.ndarray:
         """A torque (n,) of one stretch at the samples that are evaluated, low-passed at the cutoff where it is compared."""
-        step = self.dt / self.stride
-        taps = self.stride * math.ceil(TAPS / (self.cutoff * self.dt))
-        weights = signal.firwin(2 * taps + 1, min(2.0 * self.cutoff * step, 0.99), window="hann")
-        filtered = signal.upfirdn(weights, np.pad(x, taps, mode="edge"), down=self.stride)
+        taps = len(self._narrowing) // 2
+        filtered = signal.upfirdn(self._narrowing, np.pad(x, taps, mode="edge"), down=self.stride)
         first = 2 * taps // self.stride
         return np.ascontiguousarray(filtered[first : first - (-len(x) // self.stride)])
+
+    @cached_property
+    def _narrowing(self) -> np.ndarray:
+        """Low pass of torques at the evaluated samples: a whole number of compared samples on each side."""
+        taps = self.stride * math.ceil(TAPS / (self.cutoff * self.dt))
+        edge = min(2.0 * self.cutoff * self.dt / self.stride, 0.99)
+        return np.asarray(signal.firwin(2 * taps + 1, edge, window="hann"))
 
 
 def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> list[np.ndarray]:

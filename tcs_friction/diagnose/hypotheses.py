@@ -50,7 +50,12 @@ class Start:
     @property
     def name(self) -> str:
         """Ids, with the signals they act through."""
-        return "+".join(i.term.id + (f":{i.signal}" if i.signal else "") for i in self.instances)
+        return "+".join(map(name_of, self.instances))
+
+
+def name_of(item: Instance) -> str:
+    """An effect's id, with the signal it acts through."""
+    return item.term.id + (f":{item.signal}" if item.signal else "")
 
 
 class Background:
@@ -478,10 +483,11 @@ def together(background: Background, found: Sequence[Start]) -> list[Start]:
 
     Two effects may hide each other: a bias and an imbalance over a short travel, say. One at a time, neither shows.
     """
-    linear = [start for start in found if start.columns.shape[1]]
+    linear = list({start.name: start for start in reversed(found) if start.columns.shape[1]}.values())
     ends = np.cumsum([0, *(start.columns.shape[1] for start in linear)])
-    columns = np.concatenate([start.columns for start in linear], axis=1) if linear else np.empty((0, 0))
-    gram, scores = columns.T @ columns, columns.T @ background.white
+    columns = [start.columns for start in linear]
+    gram = np.block([[a.T @ b for b in columns] for a in columns]) if linear else np.empty((0, 0))
+    scores = np.concatenate([a.T @ background.white for a in columns]) if linear else np.empty(0)
     looks = math.comb(max(len(linear), 2), 2)
     result = []
     for i, j in itertools.combinations(range(len(linear)), 2):
@@ -494,5 +500,6 @@ def together(background: Background, found: Sequence[Start]) -> list[Start]:
         if gain > one.gain + two.gain:
             excess, count = max(one.excess, two.excess), one.count + two.count
             items = one.instances + two.instances
-            result.append(Start(items, gain, count, looks * one.looks * two.looks, columns[:, both], excess))
+            nothing = np.empty((0, 0))
+            result.append(Start(items, gain, count, looks * one.looks * two.looks, nothing, excess))
     return sorted(result, key=lambda start: -start.gain / start.excess)

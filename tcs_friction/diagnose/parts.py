@@ -90,19 +90,19 @@ class Parts:
         return self.memory.get(("drive", _key(drive), _key(_at(axis, Place.SENSOR))), walk)
 
     def _motion(self, axis: Axis) -> tuple[np.ndarray, ...]:
-        """True acceleration at the compared samples, then position, velocity and acceleration (n, 3) of each stretch."""
+        """True acceleration at the compared samples, then position, velocity and acceleration (3, n) of each stretch."""
         sensors = _at(axis, Place.SENSOR)
 
         def walk() -> tuple[np.ndarray, ...]:
             stretches = []
             for s in self.data.stretches:
-                true = np.stack([s.position, s.velocity, s.acceleration], axis=1)
+                true = np.stack([s.position, s.velocity, s.acceleration])
                 if sensors:
                     measured, true = true, np.empty_like(true)
                     built = machine.build(axis, self.step, signals=self.data.names, terms=sensors)
                     machine.true_motion(built, self.step, measured, true)
                 stretches.append(true)
-            return np.concatenate([self.data.narrowed(x[:, 2]) for x in stretches]), *stretches
+            return np.concatenate([self.data.narrowed(x[2]) for x in stretches]), *stretches
 
         return self.memory.get(("motion", _key(sensors)), walk)
 
@@ -117,7 +117,7 @@ class Parts:
             parts = []
             for s, motion, torque in zip(stretches, motions, torques, strict=True):
                 required = self._walk(axis, group, s, motion, torque)[:, machine.REQUIRED]
-                parts.append(self.data.narrowed(required - axis.inertia * motion[:, 2]))
+                parts.append(self.data.narrowed(required - axis.inertia * motion[2]))
             return (np.concatenate(parts),)
 
         key = (
@@ -142,7 +142,7 @@ class Parts:
         torque: np.ndarray,
     ) -> np.ndarray:
         """`machine.evaluate` of some terms (n, 8) over every sample of a stretch."""
-        position, velocity, acceleration = np.ascontiguousarray(motion.T)
+        position, velocity, acceleration = motion
         built = machine.build(
             axis, self.step, signals=self.data.names, position=float(position[0]), terms=terms
         )

@@ -8,6 +8,7 @@ drive, body) also fit what smoothing and sampling leave behind; they have to exp
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +18,15 @@ import numpy as np
 from scipy import ndimage
 
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
-from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, dispersion, survey, together
+from tcs_friction.diagnose.hypotheses import (
+    Background,
+    Start,
+    all_starts,
+    dispersion,
+    name_of,
+    survey,
+    together,
+)
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Term
@@ -31,6 +40,7 @@ MATERIAL = 0.006  # of the noise power, for effects that follow the motion's non
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
+RIVALS = 6  # that compete for a chosen effect's place
 MOST = 6  # effects
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
 ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin
@@ -48,12 +58,12 @@ class Candidate:
     gain: float
     threshold: float
     fit: Fit
-    count: int = 1  # of effects, the fit's last ones
+    start: Start
 
     @property
     def items(self) -> tuple[Instance, ...]:
-        """The effects."""
-        return self.fit.axis.effects[-self.count :]
+        """The effects, the fit's last ones."""
+        return self.fit.axis.effects[-len(self.start.instances) :]
 
     @property
     def score(self) -> float:
@@ -156,7 +166,7 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
         slow = float(before @ before - after @ after) / spread
         if slow < chance(balance, start.count, start.looks):
             gain = min(gain, slow)
-    return Candidate(start.name, gain, limit, fit, len(terms))
+    return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
 
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
@@ -265,7 +275,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         if best.score <= 0.0 or any(best is candidate for candidate in done):
             break
         before = as_fitted(balance, fit) if before is None else before
-        after = left_out(balance, best.fit, best.count)
+        after = left_out(balance, best.fit, len(best.items))
         gains = (before.white - after.white) / spread
         gain = float(gains.sum())
         placed = any(item.term.coordinate == "position" for item in best.items)
@@ -374,34 +384,41 @@ def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
     return again.axis if again.squares < _judged(balance, fit).squares else fit.axis
 
 
-def contend(
-    balance: Balance, selection: Selection, believed: int, progress: Progress | None, barred: frozenset[str]
-) -> None:
-    """Let the vocabulary compete for the place of every chosen effect; keeps the rivals."""
+def contend(balance: Balance, selection: Selection, believed: int, progress: Progress | None) -> None:
+    """Let what was promising compete for the place of every chosen effect; keeps the rivals."""
     fit = selection.chosen
     with ThreadPoolExecutor(2) as pool:
         for index in range(believed, len(fit.axis.effects)):
             if progress is not None:
                 progress(0.8, f"rivals of {fit.axis.effects[index].term.id}")
-            fit, rivals = contest(balance, fit, index, pool, barred)
+            fit, rivals = contest(balance, fit, index, pool, challengers(selection, fit, index))
             selection.rivals.append(rivals)
     selection.chosen = fit
 
 
+def challengers(selection: Selection, fit: Fit, index: int) -> list[Start]:
+    """Where rivals of an effect may start: candidates of the round that brought it, then of others, each effect once."""
+    name = name_of(fit.axis.effects[index])
+    present = {name_of(item) for item in fit.axis.effects}
+    rounds = sorted(selection.rounds, key=lambda candidates: all(name not in c.name.split("+") for c in candidates))
+    best: dict[str, Start] = {}
+    for candidate in itertools.chain.from_iterable(rounds):
+        single = len(candidate.items) == 1
+        if single and (candidate.name not in present or (candidate.items[0].term.periodic and candidate.name != name)):
+            best.setdefault(candidate.name, replace(candidate.start, instances=candidate.items))
+    return list(best.values())[:RIVALS]
+
+
 def contest(
-    balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor, barred: frozenset[str]
+    balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor, rivals: Sequence[Start]
 ) -> tuple[Fit, Rivals]:
-    """Let the rest of the vocabulary compete for one effect's place; swap where a rival does better."""
-    alone = without(balance, fit, index)
+    """Let rivals compete for one effect's place; swap where one does better."""
+    alone = _judged(balance, without(balance, fit, index))
     spread = max(1.0, fit.squares / balance.effective_count)
     gain = (alone.squares - _judged(balance, fit).squares) / spread
     item = fit.axis.effects[index]
-    name = item.term.id + (f":{item.signal}" if item.signal else "")
-    candidates = [
-        replace(c, gain=(alone.squares - c.fit.squares) / spread) if c.score > 0.0 else c
-        for c in one_round(balance, alone, pool, barred)
-        if c.name != name
-    ]
+    refined = list(pool.map(lambda start: refine(balance, alone.axis, start, alone, spread), rivals))
+    candidates = confirmed(balance, alone, refined, spread)
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
     same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)

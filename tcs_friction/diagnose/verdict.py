@@ -67,7 +67,7 @@ def diagnose(
     if plain is not None:
         fit, structure = plain
     else:
-        contend(balance, selection, len(file.axis.effects), tell, impossible)
+        contend(balance, selection, len(file.axis.effects), tell)
         fit = selection.chosen if structure is None else _mapped(balance, selection.chosen, structure)
     tell(0.92, "proving on held-out data")
     return _Judge(data, balance, file, selection, fit, structure).diagnosis()

@@ -253,9 +253,9 @@ def true_instant(m: Machine, q: float, v: float, a: float, dt: float) -> tuple[f
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def true_motion(m: Machine, dt: float, motion: Any, out: Any) -> None:
-    """Measured `motion` (n, 3), position, velocity and acceleration, as it is without the sensor terms' errors."""
-    for i in range(len(motion)):
-        out[i, 0], out[i, 1], out[i, 2] = true_instant(m, motion[i, 0], motion[i, 1], motion[i, 2], dt)
+    """Measured `motion` (3, n), position, velocity and acceleration, as it is without the sensor terms' errors."""
+    for i in range(motion.shape[1]):
+        out[0, i], out[1, i], out[2, i] = true_instant(m, motion[0, i], motion[1, i], motion[2, i], dt)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -269,14 +269,12 @@ def evaluate(
     signals: Any,
     resolution: float,
     out: Any,
-    stride: int = 1,
 ) -> None:
     """Walk through a measured motion. Shapes (n,); `signals` (s, n) holds temperature, then the exogenous signals.
 
-    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (ceil(n / stride), 8)
-    gets every stride-th instant, each in N m unless said: torque that the motion requires at the rotor, torque the drive
-    gives there, dry and viscous friction, available dry friction, its mobilised share (1), opposing torque of effects,
-    moving inertia (kg m^2).
+    `resolution` is the velocity (rad/s) below which the direction of motion is not known. `out` (n, 8) is in N m
+    unless said: torque that the motion requires at the rotor, torque the drive gives there, dry and viscous friction,
+    available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
     """
     motion = m.motion
     level = 0.0
@@ -298,12 +296,11 @@ def evaluate(
         for k in range(m.ends[0]):
             motion[TORQUE] = call_term(m, k, dt)
         friction, opposing = torques(m, dt)
-        if i % stride == 0:
-            out[i // stride, REQUIRED] = motion[INERTIA] * a + friction + opposing
-            out[i // stride, ROTOR] = motion[TORQUE]
-            out[i // stride, DRY_PART] = motion[DRY]
-            out[i // stride, VISCOUS_PART] = motion[VISCOUS]
-            out[i // stride, AVAILABLE] = motion[LEVEL]
-            out[i // stride, SHARE] = motion[MOBILISED]
-            out[i // stride, OPPOSED] = opposing
-            out[i // stride, MOVED] = motion[INERTIA]
+        out[i, REQUIRED] = motion[INERTIA] * a + friction + opposing
+        out[i, ROTOR] = motion[TORQUE]
+        out[i, DRY_PART] = motion[DRY]
+        out[i, VISCOUS_PART] = motion[VISCOUS]
+        out[i, AVAILABLE] = motion[LEVEL]
+        out[i, SHARE] = motion[MOBILISED]
+        out[i, OPPOSED] = opposing
+        out[i, MOVED] = motion[INERTIA]
