@@ -1,7 +1,8 @@
 """The benchmarks: one module each, run by `./tcs bench NAME`.
 
 A module has `add_arguments(parser)` for its own options and `run(arguments)`, which returns a list of
-{name, value, unit, beside, ratio}: what was measured, beside what, and how many times it.
+{name, value, unit, beside, ratio}: what was measured, beside what, and how many times it; where it is a number of a sample,
+`error` is by how much it scatters.
 """
 
 BENCHMARKS = {

@@ -3,6 +3,9 @@
 Each axis follows a sinusoid through zero speed for two minutes under its controller, with encoder noise, encoder steps and torque
 noise as on a 1.2 m telescope. Somebody believes values up to 20 % off. The bound is that of the data: exact derivatives along the
 true motion and the true spectra of both noises; unknown are law, inertia, offset, timing of the torque and the initial bristle.
+
+Behind the +- stands by how much a number would scatter if the axes were drawn again. `--law` does the same with another friction
+law; the bound is then that of its fit, for Gaussian errors with the residual's own correlation.
 """
 
 from __future__ import annotations
@@ -10,11 +13,14 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from benchmarks import law_axes
+from benchmarks.law_axes import ENCODER
 from tcs_friction.config import default_control
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import Reference, Sinusoid
@@ -22,22 +28,23 @@ from tcs_friction.identify.identification import identify
 from tcs_friction.identify.kernels import sensitivities
 from tcs_friction.identify.result import Estimate, Identification
 from tcs_friction.identify.uncertainty import cramer_rao
-from tcs_friction.physics.axis import Axis, Drive, Sensors
-from tcs_friction.physics.registry import law
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.axis import Axis, Drive
+from tcs_friction.physics.registry import law, laws
+from tcs_friction.physics.terms import Role, instance
 from tcs_friction.recording.recording import Recording
 
 NAMES = ("coulomb", "static", "stribeck_velocity", "stiffness", "damping", "viscous", "inertia")
 SECONDS, PERIOD, TOP_SPEED = 120.0, 24.0, math.radians(0.1)
-ENCODER = Sensors(resolution=2.4240684e-8, noise=4.8481368e-8, velocity_bandwidth=100.0)  # 0.005" and 0.01"
 BELIEF = 0.2  # largest relative error of believed friction
 BOUND_RATE, BOUND_BAND, BOUND_LAGS = 100.0, 40.0, 150  # Hz: above it, encoder noise hides all torque
 NORMAL_95, NORMAL_MEDIAN = 1.96, 0.6745
+RESAMPLINGS = 400
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--axes", type=int, default=20, help="axes drawn at random")
     parser.add_argument("--recordings", type=int, default=3, help="of each axis, with noise of its own")
+    parser.add_argument("--law", default="lugre", choices=sorted(laws()), help="friction law (default lugre)")
 
 
 def draw(random: np.random.Generator) -> Axis:
@@ -67,9 +74,12 @@ def believed(axis: Axis, random: np.random.Generator) -> Axis:
     values = {
         name: value * (1.0 + BELIEF * random.uniform(-1, 1)) for name, value in axis.friction.values.items()
     }
-    values["static"] = max(values["static"], values["coulomb"])
+    if "static" in values:
+        values["static"] = max(values["static"], values["coulomb"])
+    term = axis.friction.term
+    fixed = {p.name: axis.friction.values[p.name] for p in term.parameters if p.role is Role.FIXED}
     inertia = axis.inertia * (1.0 + 0.5 * BELIEF * random.uniform(-1, 1))
-    return Axis("azimuth", inertia, instance(law("lugre"), values))
+    return Axis("azimuth", inertia, instance(term, values | fixed), axis.effects)
 
 
 def found_by(axis: Axis, run: LoopRun, random: np.random.Generator) -> Identification:
@@ -113,26 +123,33 @@ def _autocovariance(axis: Axis, dt: float) -> np.ndarray:
     return np.array([np.trapezoid(density * np.cos(omega * lag), frequency) for lag in lags])
 
 
-def trials(axes: int, recordings: int, seconds: float = SECONDS) -> tuple[dict[str, np.ndarray], float]:
-    """Name -> (k, 4): error, standard deviation, bound, truth of what was determined; and seconds per identification."""
-    rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in NAMES}
+def trials(
+    axes: int, recordings: int, seconds: float = SECONDS, name: str = "lugre"
+) -> tuple[dict[str, np.ndarray], float]:
+    """Parameter -> (k, 5): error, standard deviation, bound, truth, number of axis of what was determined; seconds per fit."""
+    sought = searched(name)
+    rows: dict[str, list[tuple[float, ...]]] = {parameter: [] for parameter in sought}
     spent = 0.0
     for number in range(axes):
         random = np.random.default_rng([7, number])
-        axis = draw(random)
+        axis = draw(random) if name == "lugre" else law_axes.draw(name, random)
         for _ in range(recordings):
             run = run_axis(axis, int(random.integers(2**31)), seconds)
-            limits = bound(axis, run)
             began = time.perf_counter()
             found = found_by(axis, run, random)
             spent += time.perf_counter() - began
-            for name in NAMES:
-                estimate, true = _estimate(found, name), _true(axis, name)
+            limits = bound(axis, run) if name == "lugre" else found.bound
+            for parameter in sought:
+                estimate, true = _estimate(found, parameter), _true(axis, parameter)
                 if estimate.determined:
-                    rows[name].append((estimate.value - true, estimate.std, limits[name], true))
-    return {name: np.array(values).reshape(-1, 4) for name, values in rows.items()}, spent / (
-        axes * recordings
-    )
+                    limit = limits.get(parameter, math.nan)
+                    rows[parameter].append((estimate.value - true, estimate.std, limit, true, number))
+    return {key: np.array(values).reshape(-1, 5) for key, values in rows.items()}, spent / (axes * recordings)
+
+
+def searched(name: str) -> tuple[str, ...]:
+    """What is identified of an axis with that law."""
+    return (*(p.name for p in law(name).parameters if p.role is not Role.FIXED), "inertia")
 
 
 def _estimate(found: Identification, name: str) -> Estimate:
@@ -153,25 +170,34 @@ def over_bound(rows: np.ndarray) -> float:
     return float(np.median(np.abs(rows[:, 0] / rows[:, 2])) / NORMAL_MEDIAN)
 
 
+def scatter(rows: np.ndarray, statistic: Callable[[np.ndarray], float]) -> float:
+    """Standard deviation of a statistic if the axes were drawn again (bootstrap of whole axes: their trials are alike)."""
+    random = np.random.default_rng(0)
+    groups = [rows[rows[:, 4] == number] for number in np.unique(rows[:, 4])]
+    drawn = random.integers(len(groups), size=(RESAMPLINGS, len(groups)))
+    return float(np.std([statistic(np.vstack([groups[k] for k in one])) for one in drawn]))
+
+
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    found, seconds = trials(arguments.axes, arguments.recordings)
+    found, seconds = trials(arguments.axes, arguments.recordings, name=arguments.law)
     every = np.vstack(list(found.values()))
     results = [
-        _row("95 % intervals that hold the truth", 100.0 * coverage(every), "%", 95.0),
-        _row("median error over that of the bound", over_bound(every), "1", 1.0),
-        _row("parameters determined", len(every), "1", len(NAMES) * arguments.axes * arguments.recordings),
+        *_intervals("", every),
+        _row("parameters determined", len(every), "1", len(found) * arguments.axes * arguments.recordings),
         _row("time per identification", seconds, "s", None),
     ]
     for name, rows in found.items():
+        if not len(rows):
+            continue
         relative = 100.0 * np.abs(rows[:, 0] / rows[:, 3])
         results += [
-            _row(f"{name}: 95 % intervals that hold the truth", 100.0 * coverage(rows), "%", 95.0),
-            _row(f"{name}: median error over that of the bound", over_bound(rows), "1", 1.0),
+            *_intervals(f"{name}: ", rows),
             _row(
                 f"{name}: rms error over the bound",
-                float(np.sqrt(np.mean((rows[:, 0] / rows[:, 2]) ** 2))),
+                rms_over_bound(rows),
                 "1",
                 1.0,
+                scatter(rows, rms_over_bound),
             ),
             _row(f"{name}: median error", float(np.median(relative)), "%", None),
             _row(f"{name}: largest error", float(relative.max()), "%", None),
@@ -179,6 +205,30 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     return results
 
 
-def _row(name: str, value: float, unit: str, beside: float | None) -> dict[str, Any]:
+def rms_over_bound(rows: np.ndarray) -> float:
+    """Root mean square of the errors over their bounds."""
+    return float(np.sqrt(np.mean((rows[:, 0] / rows[:, 2]) ** 2)))
+
+
+def _intervals(whose: str, rows: np.ndarray) -> list[dict[str, Any]]:
+    """Coverage, whose scatter is at least that of as many trials of exact intervals, and the median error."""
+    fewest = math.sqrt(0.95 * 0.05 / len(rows))
+    covered = 100.0 * max(scatter(rows, coverage), fewest)
+    return [
+        _row(f"{whose}95 % intervals that hold the truth", 100.0 * coverage(rows), "%", 95.0, covered),
+        _row(
+            f"{whose}median error over that of the bound",
+            over_bound(rows),
+            "1",
+            1.0,
+            scatter(rows, over_bound),
+        ),
+    ]
+
+
+def _row(
+    name: str, value: float, unit: str, beside: float | None, error: float | None = None
+) -> dict[str, Any]:
     ratio = value / beside if beside else None
-    return {"name": name, "value": value, "unit": unit, "beside": beside, "ratio": ratio}
+    row = {"name": name, "value": value, "unit": unit, "beside": beside, "ratio": ratio}
+    return row if error is None else {**row, "error": error}

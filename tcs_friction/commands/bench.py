@@ -86,11 +86,12 @@ def table(report: Mapping[str, Any]) -> str:
     rows = [("", "here", "beside", "ratio")]
     for entry in report["results"]:
         unit = "" if entry.get("unit") in (None, "", "1") else f" {entry['unit']}"
-        ratio = entry.get("ratio")
+        ratio, error = entry.get("ratio"), entry.get("error")
+        scatter = "" if error is None else f" ± {error:.2g}"
         rows.append(
             (
                 str(entry["name"]),
-                f"{_figure(entry['value'])}{unit}",
+                f"{_figure(entry['value'])}{scatter}{unit}",
                 _figure(entry.get("beside")),
                 "" if ratio is None else f"{_figure(ratio)} x",
             )

@@ -24,7 +24,7 @@ def fake() -> types.ModuleType:
             "beside": 1e5,
             "ratio": options.size * 10.0,
         },
-        {"name": "error", "value": 1e-9, "unit": "rad"},
+        {"name": "error", "value": 1e-9, "unit": "rad", "error": 2.34e-10},
     ]
     return module
 
@@ -59,7 +59,7 @@ def test_options_after_the_name_are_the_benchmark_s(capsys: pytest.CaptureFixtur
     lines = capsys.readouterr().out.splitlines()
     assert "3,000,000 1/s" in lines[2]
     assert "30 x" in lines[2]
-    assert lines[3].split() == ["error", "1e-09", "rad"]
+    assert lines[3].split() == ["error", "1e-09", "±", "2.3e-10", "rad"]
 
 
 def test_unknown_benchmark_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
