@@ -20,7 +20,8 @@ from tcs_friction.identify.refine import Refined, Space, refine
 MOST_SAMPLES, WINDOW = 400_000, 20_000  # samples that are predicted, and windows of a recording that has more
 LEAST_WINDOW = 100  # samples
 TUNING_SAMPLES = 40_000  # of the disturbance's spectrum before the fit
-TUNING_ROUNDS = 12
+TUNING_ROUNDS = 16
+TUNING_SHIFT = 4e-3  # s
 ROUNDS = 3  # of fits, each with the weights that follow from the one before
 NUISANCES = (
     4  # unknowns beyond law, inertia and offset: delay, rate and size of the disturbance, size of the drift
@@ -168,17 +169,19 @@ class Predictor:
         return step
 
     def tune(self, unknowns: np.ndarray) -> np.ndarray:
-        """Encoder noise, rate and size of the disturbance, and size of the drift, by maximum likelihood, stepping by factors."""
-        point, factor, best = np.array([*unknowns, self.encoder]), 4.0, np.inf
+        """Encoder noise, rate and size of the disturbance, and size of the drift, stepping by factors, and the delay, by
+        maximum likelihood. The delay's has several maxima: a fit finds only the nearest."""
+        point, factor, shift, best = np.array([*unknowns, self.encoder]), 4.0, TUNING_SHIFT, np.inf
         for _ in range(TUNING_ROUNDS):
-            trials = np.tile(point, (9, 1))
+            trials = np.tile(point, (11, 1))
             for k in range(8):
                 trials[1 + k, -1 - k // 2] *= factor if k % 2 else 1.0 / factor
+            trials[9:, -5] = np.clip(point[-5] + np.array([shift, -shift]), 0.0, LONGEST_DELAY)
             errors, variances = self.predicted(trials[:, :-1], trials[:, -1], TUNING_SAMPLES)
             costs = 0.5 * np.sum(errors**2 / variances + np.log(variances), axis=1)
             least = int(np.nanargmin(costs)) if np.isfinite(costs).any() else 0
             if least == 0 or not costs[least] < best:
-                factor = np.sqrt(factor)
+                factor, shift = np.sqrt(factor), 0.5 * shift
             point, best = trials[least], costs[least]
         self.encoder = float(point[-1])
         return point[:-1]

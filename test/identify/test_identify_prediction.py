@@ -121,6 +121,16 @@ def test_intervals_hold_and_errors_stay_at_the_bound() -> None:
         assert np.abs(found[name][:, 0] / found[name][:, 3]).max() < limit
 
 
+def test_scatter_is_that_of_a_mean_of_axes() -> None:
+    """Trials of one axis that are all alike count as one."""
+    random = np.random.default_rng(0)
+    rows = np.zeros((90, 5))
+    rows[:, 4] = np.repeat(np.arange(30), 3)
+    rows[:, 0] = np.repeat(random.standard_normal(30), 3)
+    found = accuracy.scatter(rows, lambda chosen: float(chosen[:, 0].mean()))
+    assert found == pytest.approx(np.std(rows[:, 0]) / np.sqrt(30.0), rel=0.15)
+
+
 def test_a_late_log_is_found_and_does_no_harm() -> None:
     random = np.random.default_rng(9)
     axis = accuracy.draw(random)
