@@ -11,13 +11,14 @@ from scipy.signal import butter, lfilter_zi
 
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import AnyModel, first_directions
-from tcs_friction.identify.motion import Motion, coarse, unsure_start
+from tcs_friction.identify.motion import FILTER_ORDER, Motion, coarse, unsure_start
 from tcs_friction.identify.problem import Problem, thinning
 from tcs_friction.physics.terms import Parameter, Role
 
 SEARCH_POINTS = 6000  # a global search looks at about so many
 SHAPE_POINTS = 1500  # one whose result is refined, at so many
 FASTEST_DROP = 1.5  # times the top speed: a Stribeck velocity above cannot be told from viscous friction
+OBSERVER_ORDER = 3  # of the filter Q
 FAR = 1e30  # travel that saturates any bristle
 
 
@@ -81,10 +82,11 @@ class Points:
         return replace(self, target=self.target[index], weight=np.where(inside, self.weight[index], 0.0))
 
 
-def observer_filter(bandwidth: float, rate: float) -> np.ndarray:
-    """(OBSERVER,) the filter Q of an observer, as `kernels.squared_errors` reads it; Hz, samples/s."""
-    b, a = butter(3, bandwidth, fs=rate)
-    return np.array([*b, *a[1:], *lfilter_zi(b, a)])
+def kernel_filter(order: int, bandwidth: float, rate: float) -> np.ndarray:
+    """(OBSERVER,) a Butterworth low pass of order 3 or 4, as `kernels.squared_errors` reads it; Hz, samples/s."""
+    b, a = butter(order, bandwidth, fs=rate)
+    rest, none = lfilter_zi(b, a), np.zeros(4 - order)
+    return np.concatenate([b, none, a[1:], none, rest, none])
 
 
 def thinned(problem: Problem, points: int = SEARCH_POINTS) -> Points:
@@ -259,7 +261,8 @@ def _nonnegative(gram: np.ndarray, right: np.ndarray, used: np.ndarray) -> np.nd
 class LuGreCost:
     """The paper's cost: all six LuGre parameters (and inertia and offset where they are free) are searched.
 
-    Friction that an observer's filter has passed is compared with friction that passes the same filter.
+    Friction that an observer's filter or a recording's zero-phase low pass has passed is compared with friction that passes
+    the same.
     """
 
     def __init__(
@@ -268,10 +271,13 @@ class LuGreCost:
     ) -> None:  # fmt: skip
         self._points, self._observer = thinned(problem, points), np.zeros(0)
         motion = problem.motion
+        rate = motion.rate / search_stride(motion, points)
         if motion.filtered > 0.0:
-            rate = motion.rate / search_stride(motion, points)
             self._points = self._points.late(round(rate / (np.pi * motion.filtered)))
-            self._observer = observer_filter(motion.filtered, rate)
+            self._observer = kernel_filter(OBSERVER_ORDER, motion.filtered, rate)
+        if motion.bandwidth > 0.0:
+            self._observer = kernel_filter(FILTER_ORDER, motion.bandwidth, rate)
+        self._errors = kernels.smoothed_errors if motion.bandwidth > 0.0 else kernels.squared_errors
         self._start = start
         size = scales(problem, float(start[problem.inertia_index]))
         law = box or law_box(problem.axis.friction.term.parameters, size)
@@ -298,7 +304,7 @@ class LuGreCost:
     def costs(self, candidates: np.ndarray) -> np.ndarray:
         """Eq. 5 for candidates (m, 8): law parameters, inertia, offset."""
         p, out = self._points, np.empty(len(candidates))
-        kernels.squared_errors(
+        self._errors(
             p.velocity,
             p.travel,
             p.carry,

@@ -19,7 +19,8 @@ from numba import njit, prange
 LANES = 16
 FAST = {"contract", "nnan", "ninf", "nsz", "arcp"}
 COLUMNS = 5  # of the linear part: slide, bristle rate, velocity, acceleration, one
-OBSERVER = 10  # numbers that describe a third-order filter
+OBSERVER = 13  # numbers that describe a filter of fourth order or less
+ROWS = 16  # of the state of LANES candidates: parameters, bristle, sum, level before, friction, filter
 GRAM = COLUMNS * (COLUMNS + 1) // 2 + COLUMNS  # its upper triangle and right-hand side
 
 
@@ -58,40 +59,54 @@ def squared_errors(
 ) -> None:
     """Sum of squared errors (eq. 5, twice) of each candidate, `out` (m,).
 
-    `observer` (OBSERVER,): the third-order filter that the friction in `target` has passed, as coefficients b0 to b3, a1 to a3
-    and its states on a constant one; (0,) if it has passed none. `population` (m, 8): LuGre's parameters as in
+    `observer` (OBSERVER,): the filter that the friction in `target` has passed, as coefficients b0 to b4, a1 to a4 and its
+    states on a constant one; (0,) if it has passed none. `population` (m, 8): LuGre's parameters as in
     `physics.friction.lugre`, then inertia and offset.
     """
     L = LANES
     count, passed = population.shape[0], len(observer) > 0
     for block in prange((count + L - 1) // L):
-        w = np.zeros(
-            15 * L
-        )  # coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset, Z, sum, level before, friction, filter
-        for j in range(L):
-            p = population[min(block * L + j, count - 1)]
-            w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
-            for k in range(3, 8):
-                w[k * L + j] = p[k]
+        w = _lanes(population, block)
         for i in range(len(velocity)):
-            v, speed, square = velocity[i], abs(velocity[i]), velocity[i] * velocity[i]
-            moved, direction = abs(travel[i]), math.copysign(1.0, travel[i])
-            kept, a, aim, share = carry[i], acceleration[i], target[i], weight[i]
-            for j in range(L):
-                level = w[j] + w[L + j] * falling_exponential(square * w[2 * L + j])
-                before = level + kept * (w[10 * L + j] - level)
-                w[10 * L + j] = level
-                widths = w[3 * L + j] * moved * 2.0 / (before + level)
-                decay = falling_exponential(-widths)
-                mean = mean_decay(widths, decay)
-                bristle = kept * w[8 * L + j] * decay + direction * (
-                    before * (mean - decay) + level * (1.0 - mean)
-                )
-                w[8 * L + j] = bristle
-                torque = bristle + w[4 * L + j] * (v - speed / level * bristle) + w[5 * L + j] * v
-                w[11 * L + j] = torque
+            _friction(w, velocity[i], travel[i], carry[i])
             if passed:
-                _observe(w, observer, kept)
+                _observe(w, observer, carry[i])
+            a, aim, share = acceleration[i], target[i], weight[i]
+            for j in range(L):
+                error = w[11 * L + j] + w[6 * L + j] * a + w[7 * L + j] - aim
+                w[9 * L + j] += share * error * error
+        for j in range(min(L, count - block * L)):
+            out[block * L + j] = w[9 * L + j]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True)
+def smoothed_errors(
+    velocity: Any,
+    travel: Any,
+    carry: Any,
+    acceleration: Any,
+    target: Any,
+    weight: Any,
+    low_pass: Any,
+    population: Any,
+    out: Any,
+) -> None:
+    """The same where `target` has passed a filter (OBSERVER,) forwards and backwards: so does the friction."""
+    L = LANES
+    count, last = population.shape[0], len(velocity) - 1
+    for block in prange((count + L - 1) // L):
+        w = _lanes(population, block)
+        torque = np.empty((last + 1, L))
+        for i in range(last + 1):
+            _friction(w, velocity[i], travel[i], carry[i])
+            _observe(w, low_pass, carry[i])
+            for j in range(L):
+                torque[i, j] = w[11 * L + j]
+        for i in range(last, -1, -1):
+            for j in range(L):
+                w[11 * L + j] = torque[i, j]
+            _observe(w, low_pass, carry[i + 1] if i < last else 0.0)
+            a, aim, share = acceleration[i], target[i], weight[i]
             for j in range(L):
                 error = w[11 * L + j] + w[6 * L + j] * a + w[7 * L + j] - aim
                 w[9 * L + j] += share * error * error
@@ -100,20 +115,51 @@ def squared_errors(
 
 
 @njit(inline="always")
-def _observe(w: Any, observer: Any, kept: float) -> None:
-    """Pass the friction in row 11 through the filter (direct form II transposed), whose states are in rows 12 to 14."""
+def _lanes(population: Any, block: int) -> Any:
+    """(ROWS * LANES,): coulomb, static - coulomb, -1/stribeck_velocity^2, stiffness ... offset; Z, sum, level before,
+    friction and filter states are zero."""
     L = LANES
+    w = np.zeros(ROWS * L)
+    for j in range(L):
+        p = population[min(block * L + j, len(population) - 1)]
+        w[j], w[L + j], w[2 * L + j] = p[0], p[1] - p[0], -1.0 / (p[2] * p[2])
+        for k in range(3, 8):
+            w[k * L + j] = p[k]
+    return w
+
+
+@njit(inline="always")
+def _friction(w: Any, v: float, travel: float, kept: float) -> None:
+    """One step of the bristles (row 8) and the friction (row 11)."""
+    L = LANES
+    speed, square, moved, direction = abs(v), v * v, abs(travel), math.copysign(1.0, travel)
+    for j in range(L):
+        level = w[j] + w[L + j] * falling_exponential(square * w[2 * L + j])
+        before = level + kept * (w[10 * L + j] - level)
+        w[10 * L + j] = level
+        widths = w[3 * L + j] * moved * 2.0 / (before + level)
+        decay = falling_exponential(-widths)
+        mean = mean_decay(widths, decay)
+        slide = direction * (before * (mean - decay) + level * (1.0 - mean))
+        bristle = kept * w[8 * L + j] * decay + slide
+        w[8 * L + j] = bristle
+        w[11 * L + j] = bristle + w[4 * L + j] * (v - speed / level * bristle) + w[5 * L + j] * v
+
+
+@njit(inline="always")
+def _observe(w: Any, filtered: Any, kept: float) -> None:
+    """Pass the friction in row 11 through the filter (direct form II transposed), whose states are in rows 12 to 15."""
+    L, fresh = LANES, 1.0 - kept
     for j in range(L):
         x = w[11 * L + j]
-        first, second, third = (
-            kept * w[12 * L + j] + (1.0 - kept) * observer[7] * x,
-            kept * w[13 * L + j] + (1.0 - kept) * observer[8] * x,
-            kept * w[14 * L + j] + (1.0 - kept) * observer[9] * x,
-        )
-        y = observer[0] * x + first
-        w[12 * L + j] = observer[1] * x - observer[4] * y + second
-        w[13 * L + j] = observer[2] * x - observer[5] * y + third
-        w[14 * L + j] = observer[3] * x - observer[6] * y
+        state = w[12 * L + j], w[13 * L + j], w[14 * L + j], w[15 * L + j]
+        first, second = kept * state[0] + fresh * filtered[9] * x, kept * state[1] + fresh * filtered[10] * x
+        third, fourth = kept * state[2] + fresh * filtered[11] * x, kept * state[3] + fresh * filtered[12] * x
+        y = filtered[0] * x + first
+        w[12 * L + j] = filtered[1] * x - filtered[5] * y + second
+        w[13 * L + j] = filtered[2] * x - filtered[6] * y + third
+        w[14 * L + j] = filtered[3] * x - filtered[7] * y + fourth
+        w[15 * L + j] = filtered[4] * x - filtered[8] * y
         w[11 * L + j] = y
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, axis_of, walked
-from scipy.signal import butter, lfilter, lfilter_zi
+from scipy.signal import butter, lfilter, lfilter_zi, sosfiltfilt
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.cost import observer_filter
+from tcs_friction.identify.cost import kernel_filter
 
 VALUES = np.array(list(LUGRE.values()))
 
@@ -61,7 +61,7 @@ def test_costs_of_a_population_are_those_of_the_axis_model(count: int) -> None:
 def test_costs_behind_an_observers_filter() -> None:
     """Friction of each stretch passes a Butterworth filter that starts settled."""
     t, position, velocity, travel = motion()
-    random, observer = np.random.default_rng(0), observer_filter(15.0, 500.0)
+    random, observer = np.random.default_rng(0), kernel_filter(3, 15.0, 500.0)
     target, zero = random.standard_normal(len(t)), np.zeros(len(t))
     carry = np.ones(len(t))
     carry[0] = 0.0
@@ -72,6 +72,23 @@ def test_costs_behind_an_observers_filter() -> None:
         friction = walked(axis_of(dict(zip(LUGRE, candidate[:6], strict=True))).friction, t, position)
         passed = lfilter(b, a, friction, zi=lfilter_zi(b, a) * friction[0])[0]
         assert found == pytest.approx(np.sum((passed + candidate[7] - target) ** 2), rel=1e-9)
+
+
+def test_costs_behind_a_zero_phase_low_pass() -> None:
+    """Of two stretches, each by itself; the ends, where filters set out in their own ways, do not count."""
+    t, position, velocity, travel = motion()
+    random, low_pass, cut = np.random.default_rng(0), kernel_filter(4, 15.0, 500.0), 1100
+    target, zero = random.standard_normal(len(t)), np.zeros(len(t))
+    carry, weight, count = np.ones(len(t)), np.zeros(len(t)), 3
+    carry[[0, cut]], weight[200:900], weight[1300:2800], travel[cut] = 0.0, 1.0, 1.0, 0.0
+    candidates, out = population(count), np.empty(count)
+    kernels.smoothed_errors(velocity, travel, carry, zero, target, weight, low_pass, candidates, out)
+    sections = butter(4, 15.0, fs=500.0, output="sos")
+    for candidate, found in zip(candidates, out, strict=True):
+        law = axis_of(dict(zip(LUGRE, candidate[:6], strict=True))).friction
+        parts = [walked(law, t[part], position[part]) for part in (slice(0, cut), slice(cut, None))]
+        passed = np.concatenate([sosfiltfilt(sections, part) for part in parts])
+        assert found == pytest.approx(weight @ (passed + candidate[7] - target) ** 2, rel=1e-4)
 
 
 def test_normal_equations_hold_the_linear_part() -> None:
