@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks import accuracy
 from tcs_friction.identify.cost import LuGreCost
 from tcs_friction.identify.motion import FrictionSeries, prepare
 from tcs_friction.identify.problem import Problem, pose
@@ -12,6 +13,7 @@ from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance
+from tcs_friction.report.paper.identification import paper_box
 
 POINTS = 4600  # each way, as in the paper
 PERIOD = 24.0  # s, of the sinusoid whose top speed is 0.1 deg/s
@@ -32,34 +34,47 @@ def axis() -> Axis:
     return Axis("azimuth", 1000.0, instance(law("lugre"), TRUE))
 
 
-def series(seed: int = 0, points: int = POINTS) -> list[FrictionSeries]:
-    """Friction against time about a crossing upwards and one downwards, with white noise, at 1 kHz."""
+def drawn(number: int) -> Axis:
+    """Number 0: the paper's axis; others are drawn at random within the paper's search box."""
+    box, random = paper_box(), np.random.default_rng([11, number])
+    while number:
+        values = accuracy.draw(random).friction.values
+        vector = np.array([values[name] for name in box.names])
+        if ((box.lower < vector) & (vector < box.upper)).all():
+            return Axis("azimuth", 1000.0, instance(law("lugre"), values))
+    return axis()
+
+
+def series(seed: int = 0, points: int = POINTS, of: Axis | None = None) -> list[FrictionSeries]:
+    """Friction (of the paper's axis) against time about a crossing upwards and one downwards, with white noise, at 1 kHz."""
     random = np.random.default_rng(seed)
     t = 1e-3 * np.arange(points)
     found = []
     for sign in (1.0, -1.0):
         velocity = sign * TOP_SPEED * np.sin(2.0 * np.pi * (t - t[-1] / 2.0) / PERIOD)
         found.append(
-            FrictionSeries(t, velocity, friction(t, velocity) + NOISE * random.standard_normal(points))
+            FrictionSeries(
+                t, velocity, friction(t, velocity, of or axis()) + NOISE * random.standard_normal(points)
+            )
         )
     return found
 
 
-def friction(t: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+def friction(t: np.ndarray, velocity: np.ndarray, of: Axis) -> np.ndarray:
     """(n,) N m along a motion that comes from sliding."""
     before = t - t[-1] - 1e-3
     longer, motion = np.concatenate([before, t]), np.concatenate([np.full(len(t), velocity[0]), velocity])
     position = np.concatenate([[0.0], np.cumsum(0.5 * (motion[1:] + motion[:-1]) * 1e-3)])
     out, zero = np.empty((len(longer), 8)), np.zeros(len(longer))
-    built = machine.build(axis(), 1e-3)
+    built = machine.build(of, 1e-3)
     machine.evaluate(built, longer, position, motion, zero, zero, np.full((1, len(longer)), 20.0), 1e-9, out)
     result: np.ndarray = out[len(t) :, machine.DRY_PART] + out[len(t) :, machine.VISCOUS_PART]
     return result
 
 
-def problem(seed: int = 0, points: int = POINTS) -> Problem:
+def problem(seed: int = 0, points: int = POINTS, of: Axis | None = None) -> Problem:
     """The least-squares problem of these points."""
-    return pose(axis(), prepare(series(seed, points)))
+    return pose(of or axis(), prepare(series(seed, points, of)))
 
 
 def lugre_cost(posed: Problem) -> LuGreCost:

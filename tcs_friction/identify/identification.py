@@ -9,16 +9,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tcs_friction.errors import InputError, nearest
-from tcs_friction.identify import pso_ga
+from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
 from tcs_friction.identify.models import LuGreModel
 from tcs_friction.identify.motion import Data, prepare
+from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.prediction import Sharpened, resolvable, sharpen
 from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.profile import profiles
-from tcs_friction.identify.pso_ga import Generation, SwarmOptions
+from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.refine import Outcome
 from tcs_friction.identify.result import Identification
 from tcs_friction.identify.start import believed_start, space_of
@@ -32,7 +33,9 @@ WORSE = 1.2  # times the torque residual: predictions that raise it by more cont
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
-QUICK = SwarmOptions(population=48, generations=1, swarm_generations=24, genetic_generations=0)
+QUICK = SwarmOptions(
+    population=48, generations=1, swarm_generations=24, genetic_generations=0, velocity_limit=0.1
+)
 
 
 @dataclass(frozen=True)
@@ -170,11 +173,11 @@ def _search(
     progress: Callable[[Generation], None],
     cancel: Callable[[], bool],
 ) -> pso_ga.SearchResult:
-    settings = {"pso-ga": options.swarm, "paper": pso_ga.PAPER}.get(method)
+    settings = {"pso-ga": options.swarm, "paper": operators.PAPER}.get(method)
     if method == "default":
         settings = _for_dimensions(len(cost.box.lower)) if isinstance(cost, AnyCost) else QUICK
     if settings is None:
-        settings = pso_ga.alone(options.swarm, method)
+        settings = operators.alone(options.swarm, method)
     return pso_ga.search(cost, len(cost.box.lower), seed, settings, progress=progress, cancel=cancel)
 
 

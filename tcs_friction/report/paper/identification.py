@@ -13,7 +13,8 @@ from tcs_friction.control.loop import LoopRun
 from tcs_friction.identify.cost import Box
 from tcs_friction.identify.identification import IdentifyOptions, identify
 from tcs_friction.identify.motion import FrictionSeries
-from tcs_friction.identify.pso_ga import Generation, SwarmOptions
+from tcs_friction.identify.operators import SwarmOptions
+from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
 from tcs_friction.report import published
 from tcs_friction.report.figures import (
@@ -257,7 +258,7 @@ def _ranking(result: SearchResult) -> str:
         f"after {_generations(result.reached('pso-ga'))} generations, PSO after {_generations(result.reached('pso'))}; their "
         f"worst seeds end at {max(hybrid):.3f} and {max(swarm):.3f} N m ({max(hybrid) / max(swarm):.2f} times; the paper's two "
         f"numbers: {published.RMSE_PSO_GA / published.RMSE_PSO:.2f} times). PSO alone had as many generations and more "
-        "evaluations, and speeds limited in the normalised box, which the paper's were not. The swarm that hands over to a "
+        "evaluations. The swarm that hands over to a "
         "local search finds the same optimum on every seed."
     )
 
