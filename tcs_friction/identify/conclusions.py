@@ -24,13 +24,17 @@ BOOTSTRAP_SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class Conclusions:
-    """A fit of torques, judged, and that of predictions that sharpened it, if one could be made."""
+    """A fit of torques, judged, and that of predictions that sharpened it, if one could be made.
+
+    shift (p,): by how much the unknowns move behind another low pass; what no prediction corrects is that unsure.
+    """
 
     problem: Problem
     verdicts: Verdicts
     sharp: Sharpened | None
     loss: str
     uncertainty: str
+    shift: np.ndarray | None = None
 
     @property
     def refined(self) -> Refined:
@@ -58,7 +62,7 @@ class Conclusions:
                 :-NUISANCES, :-NUISANCES
             ]
             covariance[: len(own), : len(own)] = own
-        return covariance
+        return covariance if self.shift is None else covariance + np.outer(self.shift, self.shift)
 
     def estimate(self, k: int) -> Estimate:
         """Unknown k of the problem."""

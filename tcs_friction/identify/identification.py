@@ -10,10 +10,10 @@ import numpy as np
 
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
-from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, rms
+from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
-from tcs_friction.identify.models import LuGreModel
+from tcs_friction.identify.models import AnyModel, LuGreModel
 from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.prediction import Sharpened, resolvable, sharpen
@@ -32,6 +32,7 @@ from tcs_friction.physics.terms import Instance, instance
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
+WIDER, SHIFT_STEPS = 1.6, 12  # times the low pass' bandwidth, for another opinion; steps of its fit
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(
     population=48, generations=1, swarm_generations=24, genetic_generations=0, velocity_limit=0.1
@@ -113,7 +114,11 @@ def identify(
     if polish:
         verdicts, sharp = _sharpened(problem, verdicts, options.loss, cancel)
     refined = verdicts.refined
-    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty)
+    shift = None
+    if polish and motion.bandwidth > 0.0 and isinstance(problem.model, AnyModel):
+        wider = prepare(data, WIDER * motion.bandwidth, despike=options.loss == "huber")
+        shift = _shifted(pose(axis, wider), verdicts, options.loss)
+    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, shift)
     return Identification(
         law=axis.friction.term.id,
         method=method,
@@ -173,17 +178,18 @@ def _search(
     progress: Callable[[Generation], None],
     cancel: Callable[[], bool],
 ) -> pso_ga.SearchResult:
-    settings = {"pso-ga": options.swarm, "paper": operators.PAPER}.get(method)
+    settings, count = {"pso-ga": options.swarm, "paper": operators.PAPER}.get(method), len(cost.box.lower)
     if method == "default":
-        settings = _for_dimensions(len(cost.box.lower)) if isinstance(cost, AnyCost) else QUICK
+        settings = _for_dimensions(count) if isinstance(cost, AnyCost) else QUICK
     if settings is None:
         settings = operators.alone(options.swarm, method)
-    return pso_ga.search(cost, len(cost.box.lower), seed, settings, progress=progress, cancel=cancel)
+    return pso_ga.search(cost, count, seed, settings, progress=progress, cancel=cancel)
 
 
 def _for_dimensions(count: int) -> SwarmOptions:
     """A swarm for a law whose evaluation is not cheap: no larger than its search space asks for."""
-    return replace(QUICK, population=min(40, 12 * count + 4), swarm_generations=min(30, 8 * count + 6))
+    sizes = {"population": min(40, 12 * count + 4), "swarm_generations": min(30, 8 * count + 6)}
+    return replace(QUICK, **sizes, velocity_limit=1.0)
 
 
 def _sharpened(
@@ -214,6 +220,15 @@ def _sharpened(
     )
     evaluations = verdicts.evaluations + sharp.evaluations
     return replace(verdicts, refined=refined, evaluations=evaluations, notes=notes), sharp
+
+
+def _shifted(wider: Problem, verdicts: Verdicts, loss: str) -> np.ndarray:
+    """(p,) By how much the unknowns move when the low pass lets more through: smoothing moves reversals, noise bends them."""
+    unknowns, space = verdicts.refined.unknowns, verdicts.space
+    refined = refit(
+        wider, unknowns, space.holding(np.arange(len(unknowns)) > wider.offset_index), loss, SHIFT_STEPS
+    )
+    return np.where(np.isfinite(refined.unknowns), refined.unknowns - unknowns, 0.0)
 
 
 def identified_axis(axis: Axis, found: Identification) -> Axis:
