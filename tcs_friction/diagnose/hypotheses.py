@@ -235,7 +235,12 @@ def _judge_linear(
     if _impossible(term, full):
         return None
     item = _with_amplitudes(term, values, signal_name, full)
-    return Start((item,), gain, int(keep.sum()) + len(values), looks, columns[:, keep] / norms[keep])
+    return Start((item,), gain, int(keep.sum()) + len(values), looks, _thrifty(columns[:, keep] / norms[keep]))
+
+
+def _thrifty(columns: np.ndarray) -> np.ndarray:
+    """Columns to be kept, in single precision."""
+    return columns.astype(np.float32)
 
 
 def _impossible(term: Term, amplitudes: np.ndarray) -> bool:
@@ -371,7 +376,7 @@ def _pruned(background: Background, start: Start, looks: float) -> Start:
     amplitudes = np.zeros(2 * len(names))
     amplitudes[chosen] = some
     item = _with_amplitudes(term, shape, start.instance.signal, amplitudes)
-    return Start((item,), gain, 2 * len(kept) + 1, looks, columns[:, chosen])
+    return Start((item,), gain, 2 * len(kept) + 1, looks, _thrifty(columns[:, chosen]))
 
 
 def dispersion(background: Background) -> float:
@@ -486,8 +491,9 @@ def together(background: Background, found: Sequence[Start]) -> list[Start]:
     linear = list({start.name: start for start in reversed(found) if start.columns.shape[1]}.values())
     ends = np.cumsum([0, *(start.columns.shape[1] for start in linear)])
     columns = [start.columns for start in linear]
+    white = background.white.astype(np.float32)
     gram = np.block([[a.T @ b for b in columns] for a in columns]) if linear else np.empty((0, 0))
-    scores = np.concatenate([a.T @ background.white for a in columns]) if linear else np.empty(0)
+    scores = np.concatenate([a.T @ white for a in columns]) if linear else np.empty(0)
     looks = math.comb(max(len(linear), 2), 2)
     result = []
     for i, j in itertools.combinations(range(len(linear)), 2):

@@ -40,6 +40,7 @@ MATERIAL = 0.006  # of the noise power, for effects that follow the motion's non
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
+BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, too
 RIVALS = 6  # that compete for a chosen effect's place
 MOST = 6  # effects
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
@@ -324,7 +325,7 @@ def one_round(
     for start in found:
         if promise(start, 0.5) >= 0.0:
             best.setdefault(start.name, start)
-    promising = list(best.values())[:TRIED]
+    promising = close_behind(list(best.values()))[:TRIED]
     if pairs:
         single = max((promise(start, 1.0) for start in found), default=0.0)
         both = max(together(background, found), key=lambda pair: promise(pair, 1.0), default=None)
@@ -332,6 +333,12 @@ def one_round(
             promising.append(both)
     candidates = list(pool.map(lambda start: refine(balance, fit.axis, start, base, spread), promising))
     return confirmed(balance, base, candidates, spread)
+
+
+def close_behind(found: Sequence[Start]) -> list[Start]:
+    """The two best starts, and those that a joint fit may still bring before them."""
+    ranked = sorted(found, key=lambda start: -start.gain / start.excess)
+    return ranked[:2] + [s for s in ranked[2:] if s.gain / s.excess > BEHIND * ranked[0].gain / ranked[0].excess]
 
 
 def without(balance: Balance, fit: Fit, index: int) -> Fit:
@@ -417,7 +424,8 @@ def contest(
     spread = max(1.0, fit.squares / balance.effective_count)
     gain = (alone.squares - _judged(balance, fit).squares) / spread
     item = fit.axis.effects[index]
-    refined = list(pool.map(lambda start: refine(balance, alone.axis, start, alone, spread), rivals))
+    close = close_behind(rivals)
+    refined = list(pool.map(lambda start: refine(balance, alone.axis, start, alone, spread), close))
     candidates = confirmed(balance, alone, refined, spread)
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
