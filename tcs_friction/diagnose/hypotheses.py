@@ -26,9 +26,10 @@ PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
 SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
-CLIMB_FROM, CLIMB_TO = 0.13, 0.01  # steps of a pattern search, log units
+CLIMB_FROM, CLIMB_TO = 0.13, 0.001  # steps of a pattern search, log units
 PROMISING = 12.0  # gain for each free number from which a start is worth a search of its own
-PEAKS = 3  # of a spectrum or a scan that are tried exactly
+PEAKS = 3  # of a spectrum that are tried exactly
+CLIMBS = 2  # peaks of a scan that are climbed
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,15 +189,15 @@ def starts(
 
 
 def _peaks(background: Background, found: Sequence[Start]) -> list[Start]:
-    """Starts, best first, that are worth a search: better than those beside them along the first parameter, within its range."""
+    """Starts, best first, that are worth a search: better than those beside them along the first shape, within its range."""
     if not found:
         return []
-    name = found[0].instance.term.parameters[0].name
+    name = next(p.name for p in found[0].instance.term.parameters if p.role is Role.SHAPE)
     best = {start.instance.values[name]: start for start in reversed(found)}
     row = [best[value] for value in sorted(best)]
     worth = PROMISING * found[0].count * dispersion(background)
     inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if b.gain > max(a.gain, c.gain, worth)]
-    return sorted(inner, key=lambda s: -s.gain)[:PEAKS]
+    return sorted(inner, key=lambda s: -s.gain)[:CLIMBS]
 
 
 def _climbed(background: Background, start: Start) -> Start:

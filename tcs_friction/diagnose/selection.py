@@ -24,6 +24,7 @@ from tcs_friction.diagnose.hypotheses import (
     all_starts,
     dispersion,
     name_of,
+    starts,
     survey,
     together,
 )
@@ -46,7 +47,7 @@ MOST = 6  # effects
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
 ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin
 WORSE = 1.01  # by which the plain residual may grow on pieces that a candidate was not fitted to
-ONCE = 0.1  # of a candidate's gain at least must come from other pieces than the best
+ONCE = 0.1  # of a candidate's gain, or what chance gives, must come from other pieces than the best
 PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
 Progress = Callable[[float, str], None]
 
@@ -280,7 +281,8 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         gains = (before.white - after.white) / spread
         gain = float(gains.sum())
         placed = any(item.term.coordinate == "position" for item in best.items)
-        if placed and gain - float(gains.max()) < ONCE * gain:
+        enough = min(ONCE * gain, chance(balance, best.start.count, best.start.looks))
+        if placed and gain - float(gains.max()) < enough:
             gain = 0.0
         kept = np.argsort(gains)
         if any(item.term.jagged for item in best.items):
@@ -372,9 +374,39 @@ def select(
             if not candidates or candidates[0].score <= 0.0:
                 break
             fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
+            fit = searched_anew(balance, fit, believed, pool)
             fit = prune(balance, fit, believed)
     selection.chosen = fit
     return selection
+
+
+def searched_anew(balance: Balance, fit: Fit, believed: int, pool: ThreadPoolExecutor) -> Fit:
+    """The fit with every earlier effect where a search now puts it: what was missing then may have led it astray."""
+    index = believed
+    for _ in range(len(fit.axis.effects) - believed - 1):
+        better = _placed_anew(balance, fit, index, pool)
+        if better is None:
+            index += 1
+        else:
+            fit = better  # the effect is its last one now
+    return fit
+
+
+def _placed_anew(balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor) -> Fit | None:
+    """The fit with one effect found once more on top of all others, if it does better there."""
+    item = fit.axis.effects[index]
+    if not item.term.periodic and len(item.term.scan(survey(balance, fit.axis))) < 2:
+        return None
+    alone = _judged(balance, without(balance, fit, index))
+    background = Background(balance, alone.axis, alone.free)
+    found = starts(background, item.term, item.signal, pool)
+    squares = _judged(balance, fit).squares
+    if not found or found[0].gain <= alone.squares - squares:
+        return None
+    anew = alone.axis.with_effect(found[0].instance)
+    free = balance.free(anew)
+    trial = balance.fit(anew, free, prior(free))
+    return settle(balance, trial.axis, rounds=1) if trial.squares < squares else None
 
 
 def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:

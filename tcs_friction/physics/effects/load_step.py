@@ -30,4 +30,5 @@ TERM = Term(
     coordinate="time",
     subsystem="environment",
     scan=scan,
+    jagged=True,
 )
