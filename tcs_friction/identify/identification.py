@@ -32,7 +32,7 @@ from tcs_friction.physics.terms import Instance, instance
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
-WIDER, SHIFT_STEPS = 1.6, 12  # times the low pass' bandwidth, for another opinion; steps of its fit
+WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinion; steps of its fit
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(
     population=48, generations=1, swarm_generations=24, genetic_generations=0, velocity_limit=0.1
