@@ -33,6 +33,12 @@ class _Parser(argparse.ArgumentParser):
         sys.exit(2)
 
 
+def one_thread_each() -> None:
+    """Linear algebra in one thread: searches run in threads of their own, and matrices here are slim. Before numpy loads."""
+    for library in ("OPENBLAS", "MKL", "BLIS"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
 def usage() -> str:
     """The page that `--help` and no command at all show."""
     width = max(map(len, COMMANDS))
@@ -47,6 +53,7 @@ def usage() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line; returns the exit status: 0 done, 1 could not do it, 2 wrong usage or bad input."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    one_thread_each()
     try:
         try:
             return _command(words)

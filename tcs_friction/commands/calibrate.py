@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
+from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, default_control, load_axis, save_axis, write_whole
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.errors import writing_into
@@ -42,6 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     mapped = file.mapped(arguments.axis)
     signals = with_dynamometer(mapped, file.axis.kind, arguments.dynamometer, arguments.field)
     recordings = read_recordings(arguments.bags, signals)
+    tell_notes(recordings)
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
     found = calibrate(comparisons, control.observer)

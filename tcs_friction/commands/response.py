@@ -12,6 +12,7 @@ import argparse
 import json
 
 from tcs_friction.commands.inputs import add_recordings
+from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import load_axis, write_whole
 from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.plant_response import (
@@ -48,6 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Read, estimate, fit, write, say what came out."""
     file = load_axis(arguments.axis)
     recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
+    tell_notes(recordings)
     lowest, highest = frequencies(recordings, arguments.lowest, arguments.highest)
     measured = of_recordings(recordings, lowest, highest, file.axis.actuation_delay)
     models = (fit_second_order(measured), fit_two_inertias(measured))

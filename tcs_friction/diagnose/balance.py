@@ -18,7 +18,7 @@ from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Parameter, Place, Role
+from tcs_friction.physics.terms import Parameter, Role
 
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
@@ -188,6 +188,11 @@ class Balance:
         """Whitened series of (n,) or (n, k) on the train rows only."""
         local = np.sqrt(self.local_weight[self.rows])
         return self._whiten_all(x)[self.rows] * (local if x.ndim == 1 else local[:, None])
+
+    def squares(self, axis: Axis) -> float:
+        """Whitened sum of squares of an axis under the present weights."""
+        white = self.whiten(self.residual(axis))
+        return float(white @ white)
 
     def unwhiten(self, white: np.ndarray) -> np.ndarray:
         """The adjoint of `whiten`: (n,) series whose scalar product with any x is that of `white` with whitened x."""
@@ -389,8 +394,3 @@ def _limited(step: np.ndarray, free: Sequence[Free]) -> np.ndarray:
     """No positive number changes by more than a factor of 2 in one step."""
     logs = np.array([f.kind == "log" for f in free])
     return np.where(logs, np.clip(step, -0.7, 0.7), step)
-
-
-def opposing_sign(place: Place) -> float:
-    """Sign with which a term's torque enters the residual."""
-    return 1.0 if place is Place.DRIVE else -1.0

@@ -169,7 +169,13 @@ class Product:
 
 def _sampled(basis: Basis) -> np.ndarray:
     """(nodes, count): the columns on the basis' grid."""
-    index, value = basis.evaluate(np.linspace(basis.lower, basis.upper, basis.nodes))
-    dense = np.zeros((basis.nodes, basis.count))
-    np.add.at(dense, (np.arange(basis.nodes)[:, None], index), value)
-    return dense
+    return dense(basis, np.linspace(basis.lower, basis.upper, basis.nodes))
+
+
+def dense(basis: Basis, x: np.ndarray) -> np.ndarray:
+    """(n, count): the columns at coordinates x (n,)."""
+    index, value = basis.evaluate(x)
+    columns = np.zeros((len(x), basis.count))
+    for k in range(index.shape[1]):  # a column is touched once by each k
+        columns[np.arange(len(x)), index[:, k]] += value[:, k]
+    return columns

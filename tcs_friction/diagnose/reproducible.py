@@ -11,7 +11,7 @@ import math
 import numpy as np
 from scipy import linalg
 
-from tcs_friction.diagnose.basis import Hats
+from tcs_friction.diagnose.basis import Hats, dense
 from tcs_friction.diagnose.condition import Conditioned
 
 SAMPLES_PER_FUNCTION = 60.0  # effective ones, for each node over the position
@@ -62,11 +62,6 @@ def _columns(data: Conditioned, train: np.ndarray) -> np.ndarray:
 
 def _hats(name: str, x: np.ndarray, count: int) -> np.ndarray:
     lower, upper = float(x.min()), float(x.max())
-    dense = np.zeros((len(x), count))
     if not upper - lower > 1e-12 * max(abs(lower), abs(upper), math.ulp(1.0)):
-        return dense[:, :0]
-    index, value = Hats(name, lower, upper, count).evaluate(x)
-    rows = np.arange(len(x))
-    for k in range(index.shape[1]):
-        dense[rows, index[:, k]] += value[:, k]
-    return dense
+        return np.empty((len(x), 0))
+    return dense(Hats(name, lower, upper, count), x)

@@ -32,9 +32,8 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Term
 
-SAME = 2.0 * math.log(
-    100.0
-)  # odds of 100 to 1: gain, in units of the misfit, by which an effect must beat a rival
+ODDS = 100.0  # to one, by which an effect must beat a rival
+SAME = 2.0 * math.log(ODDS)  # gain, in units of the misfit, that this takes
 ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 FALSE_ALARM = 1e-3  # chance over the whole vocabulary
 MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
@@ -115,8 +114,7 @@ def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
 
 def _judged(balance: Balance, fit: Fit) -> Fit:
     """The fit with its squares under the present weights."""
-    white = balance.whiten(balance.residual(fit.axis))
-    return Fit(fit.axis, fit.free, fit.covariance, float(white @ white), fit.converged)
+    return replace(fit, squares=balance.squares(fit.axis))
 
 
 def follows_motion(term: Term) -> bool:

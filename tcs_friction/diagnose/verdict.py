@@ -92,8 +92,8 @@ def _plain_map(
     if plain is None or plain.table is None or len(plain.coordinates) < 2:
         return None  # what depends on one coordinate alone has names in the vocabulary
     alone = _mapped(balance, selection.retuned, plain)
-    spread = max(1.0, _squares(balance, best) / balance.effective_count)
-    lost = (_squares(balance, alone) - _squares(balance, best)) / spread
+    spread = max(1.0, balance.squares(best.axis) / balance.effective_count)
+    lost = (balance.squares(alone.axis) - balance.squares(best.axis)) / spread
     needed = chance(balance, len(best.free) - len(alone.free), 1.0)
     plainly = np.mean([balance.residual(x.axis)[balance.train] ** 2 for x in (alone, best)], axis=1)
     if lost > max(needed, TIE * balance.effective_count) or plainly[0] > (1.0 + TIE) * plainly[1]:
@@ -113,11 +113,6 @@ def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
     together = torque(effects[:believed])
     single = [torque(tuple(e for e in effects if e is not item)) for item in effects[believed:]]
     return float(np.var(together)) / max(sum(float(np.var(x)) for x in single), 1e-300)
-
-
-def _squares(balance: Balance, fit: Fit) -> float:
-    white = balance.whiten(balance.residual(fit.axis))
-    return float(white @ white)
 
 
 def _mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
@@ -185,9 +180,8 @@ class _Judge:
             return "unexplained"
         if found:
             return "missing_physics"
-        white = self.balance.whiten(self.balance.residual(self.file.axis))
         spread = max(1.0, self.fit.squares / self.balance.effective_count)
-        gain = (float(white @ white) - self.fit.squares) / spread
+        gain = (self.balance.squares(self.file.axis) - self.fit.squares) / spread
         needed = chance(self.balance, len(self.fit.free), 1.0)
         worse = errors["believed"].train > RETUNED * errors["retuned"].train
         return "parameters" if gain > needed and worse else "match"

@@ -27,9 +27,8 @@ from tcs_friction.report.diagnosis_files import write_diagnosis
 
 @dataclass(frozen=True)
 class DiagnoserConfig(ClockConfig):
-    """How much is remembered and how the diagnosis is seeded."""
+    """How much is remembered."""
 
-    seed: int = setting(0, "", 0, 2**31 - 1, "seed of searches and permutations")
     memory: float = setting(600.0, "s", 1.0, 1e5, "joint states older than this are forgotten")
 
 
