@@ -26,10 +26,8 @@ PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
 SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
-CLIMB_FROM, CLIMB_TO = 0.13, 0.001  # steps of a pattern search, log units
-PROMISING = 12.0  # gain for each free number from which a start is worth a search of its own
+CLIMB_FROM, CLIMBS = 0.13, 16  # first step of a pattern search, log units, and its rounds
 PEAKS = 3  # of a spectrum that are tried exactly
-CLIMBS = 2  # peaks of a scan that are climbed
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,38 +181,34 @@ def starts(
     judged = pool.map(lambda values: judge(background, term, values, signal_name, looks), scans)
     found = sorted((s for s in judged if s is not None and s.gain > 0.0), key=lambda s: -s.gain)
     if term.jagged:
-        climbed = pool.map(lambda start: _climbed(background, start), _peaks(background, found))
-        found = sorted(climbed, key=lambda s: -s.gain)
+        found = _peaks(found)
     return found[:2]
 
 
-def _peaks(background: Background, found: Sequence[Start]) -> list[Start]:
-    """Starts, best first, that are worth a search: better than those beside them along the first shape, within its range."""
+def _peaks(found: Sequence[Start]) -> list[Start]:
+    """Starts, best first, that are better than those beside them along the first shape, within its range."""
     if not found:
         return []
     name = next(p.name for p in found[0].instance.term.parameters if p.role is Role.SHAPE)
-    best = {start.instance.values[name]: start for start in reversed(found)}
-    row = [best[value] for value in sorted(best)]
-    worth = PROMISING * found[0].count * dispersion(background)
-    inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if b.gain > max(a.gain, c.gain, worth)]
-    return sorted(inner, key=lambda s: -s.gain)[:CLIMBS]
+    row = sorted(found, key=lambda s: s.instance.values[name])
+    inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if b.gain > max(a.gain, c.gain)]
+    return sorted(inner, key=lambda s: -s.gain)
 
 
-def _climbed(background: Background, start: Start) -> Start:
-    """The start after a pattern search over its shape, steps halving from CLIMB_FROM to CLIMB_TO (log units)."""
+def climbed(background: Background, start: Start) -> Start:
+    """A jagged effect's start after a pattern search over its shape: CLIMBS rounds, steps from CLIMB_FROM down (log units)."""
     term, signal_name = start.instance.term, start.instance.signal
-    shape = {p.name: start.instance.values[p.name] for p in term.parameters if p.role is Role.SHAPE}
+    if not term.jagged or len(start.instances) > 1:
+        return start
+    names = [p.name for p in term.parameters if p.role is Role.SHAPE]
     step = CLIMB_FROM
-    while step > CLIMB_TO:
-        moves = [(name, math.exp(sign * step)) for name in shape for sign in (1, -1)]
-        tried = [
-            _judge_linear(background, term, shape | {name: shape[name] * factor}, signal_name, start.looks)
-            for name, factor in moves
-        ]
+    for _ in range(CLIMBS):
+        shape = {name: start.instance.values[name] for name in names}
+        moves = [shape | {name: shape[name] * math.exp(way * step)} for name in names for way in (1, -1)]
+        tried = [_judge_linear(background, term, moved, signal_name, start.looks) for moved in moves]
         best = max((s for s in tried if s is not None), key=lambda s: s.gain, default=start)
         if best.gain > start.gain:
             start = best
-            shape = {name: start.instance.values[name] for name in shape}
         else:
             step *= 0.5
     return start

@@ -22,6 +22,7 @@ from tcs_friction.diagnose.hypotheses import (
     Background,
     Start,
     all_starts,
+    climbed,
     dispersion,
     name_of,
     starts,
@@ -321,18 +322,22 @@ def one_round(
         return start.gain / spread / start.excess - share * limit
 
     found = all_starts(background, pool, barred)
-    best: dict[str, Start] = {}
+    best: dict[str, list[Start]] = {}
     for start in found:
         if promise(start, 0.5) >= 0.0:
-            best.setdefault(start.name, start)
-    promising = close_behind(list(best.values()))[:TRIED]
+            best.setdefault(start.name, []).append(start)
+    several = [some[:2] if some[0].instance.term.jagged else some[:1] for some in best.values()]
+    promising = close_behind(list(itertools.chain.from_iterable(several)))[:TRIED]
     if pairs:
         single = max((promise(start, 1.0) for start in found), default=0.0)
         both = max(together(background, found), key=lambda pair: promise(pair, 1.0), default=None)
         if both is not None and promise(both, 1.0) > max(single, 0.0):
             promising.append(both)
-    candidates = list(pool.map(lambda start: refine(balance, fit.axis, start, base, spread), promising))
-    return confirmed(balance, base, candidates, spread)
+
+    def refined(start: Start) -> Candidate:
+        return refine(balance, fit.axis, climbed(background, start), base, spread)
+
+    return confirmed(balance, base, list(pool.map(refined, promising)), spread)
 
 
 def close_behind(found: Sequence[Start]) -> list[Start]:
@@ -372,16 +377,17 @@ def select(
             if not candidates or candidates[0].score <= 0.0:
                 break
             fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
-            fit = searched_anew(balance, fit, believed, pool)
+            earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
+            fit = searched_anew(balance, fit, range(believed, earlier), pool)
             fit = prune(balance, fit, believed)
     selection.chosen = fit
     return selection
 
 
-def searched_anew(balance: Balance, fit: Fit, believed: int, pool: ThreadPoolExecutor) -> Fit:
-    """The fit with every earlier effect where a search now puts it: what was missing then may have led it astray."""
-    index = believed
-    for _ in range(len(fit.axis.effects) - believed - 1):
+def searched_anew(balance: Balance, fit: Fit, indices: range, pool: ThreadPoolExecutor) -> Fit:
+    """The fit with these effects where a search now puts each: what was missing then may have led it astray."""
+    index = indices.start
+    for _ in indices:
         better = _placed_anew(balance, fit, index, pool)
         if better is None:
             index += 1
@@ -398,10 +404,11 @@ def _placed_anew(balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecuto
     alone = _judged(balance, without(balance, fit, index))
     background = Background(balance, alone.axis, alone.free)
     found = starts(background, item.term, item.signal, pool)
-    squares = _judged(balance, fit).squares
-    if not found or found[0].gain <= alone.squares - squares:
+    squares = balance.squares(fit.axis)
+    start = climbed(background, found[0]) if found else None
+    if start is None or start.gain <= alone.squares - squares:
         return None
-    anew = alone.axis.with_effect(found[0].instance)
+    anew = alone.axis.with_effect(start.instance)
     free = balance.free(anew)
     trial = balance.fit(anew, free, prior(free))
     return settle(balance, trial.axis, rounds=1) if trial.squares < squares else None
