@@ -385,10 +385,14 @@ def select(
 
 
 def searched_anew(balance: Balance, fit: Fit, indices: range, pool: ThreadPoolExecutor) -> Fit:
-    """The fit with these effects where a search now puts each: what was missing then may have led it astray."""
+    """The fit with jagged ones of these effects where a search now puts each.
+
+    What was missing then may have led it astray, and no derivative leads it back.
+    """
     index = indices.start
     for _ in indices:
-        better = _placed_anew(balance, fit, index, pool)
+        jagged = fit.axis.effects[index].term.jagged
+        better = _placed_anew(balance, fit, index, pool) if jagged else None
         if better is None:
             index += 1
         else:
@@ -399,8 +403,6 @@ def searched_anew(balance: Balance, fit: Fit, indices: range, pool: ThreadPoolEx
 def _placed_anew(balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor) -> Fit | None:
     """The fit with one effect found once more on top of all others, if it does better there."""
     item = fit.axis.effects[index]
-    if not item.term.periodic and len(item.term.scan(survey(balance, fit.axis))) < 2:
-        return None
     alone = _judged(balance, without(balance, fit, index))
     background = Background(balance, alone.axis, alone.free)
     found = starts(background, item.term, item.signal, pool)
