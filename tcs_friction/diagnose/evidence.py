@@ -25,7 +25,10 @@ class Look:
 
 @dataclass(frozen=True)
 class Isolated:
-    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,)."""
+    """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,).
+
+    Both as the torque that the effect demands: a spring's rises with the position.
+    """
 
     effect: str
     coordinate: str
@@ -37,7 +40,7 @@ class Isolated:
 
 @dataclass(frozen=True)
 class RunnerUp:
-    """A hypothesis that lost: its score (drop of the held-out residual, torque unit) and why it lost."""
+    """A hypothesis that lost: its gain (drop of squares in units of the noise) and why it lost."""
 
     effect: str
     score: float

@@ -40,9 +40,9 @@ def statement(
             text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
             text += f", beside {names}" if names else ""
             text += f"; with a learned map {gain}: look at what changes with {over}."
-    cancel = [f.effect for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)]
+    cancel = [f.effect.replace("_", " ") for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)]
     if cancel:
-        text += f" A feed-forward compensator can cancel {', '.join(cancel)}."
+        text += f" A feed-forward compensator can cancel {' and '.join(cancel)}."
     return text + "".join(f" Not to be judged from this: {line}." for line in limits)
 
 

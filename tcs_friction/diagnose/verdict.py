@@ -287,9 +287,9 @@ class _Judge:
     def _isolated(self, item: Instance, improved: np.ndarray, thin: slice) -> Isolated:
         """What is left when all but this effect is taken away, against the effect's coordinate."""
         others = tuple(e for e in self.fit.axis.effects if e is not item)
-        torque = improved - self.balance.residual(_with_effects(self.fit.axis, others))
+        left = self.balance.residual(_with_effects(self.fit.axis, others))
         coordinate, unit, x = _coordinate(self.data, item)
-        return Isolated(item.term.id, coordinate, unit, x[thin], (torque - improved)[thin], torque[thin])
+        return Isolated(item.term.id, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
 
     def _runners_up(self) -> tuple[RunnerUp, ...]:
         """Hypotheses that lost, with the reason."""

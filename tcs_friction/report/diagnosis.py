@@ -75,7 +75,7 @@ def write_report(
         )
     if evidence.runners_up:
         rows = [[r.effect, f"{r.score:.3g}", r.reason] for r in evidence.runners_up]
-        head = ["hypothesis", f"gain ({evidence.torque_unit} rms)", "why it lost"]
+        head = ["hypothesis", "gain (chi-squared)", "why it lost"]
         parts.append(section("What else was considered", table(head, rows)))
     parts.append(section("What to record next", next_experiment or "Nothing: this recording is enough."))
     if evidence.notes:
@@ -186,7 +186,7 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
 
 def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
     fit, unit = diagnosis["fit"], evidence.torque_unit
-    found = ", ".join(e["effect"] for e in diagnosis["effects"]) or "nothing"
+    found = ", ".join(e["effect"].replace("_", " ") for e in diagnosis["effects"]) or "nothing"
     improved, floor = fit["improved"]["held_out"], fit["noise_floor"]
     over = f"{improved / floor:.2f} times the noise floor" if floor else "noise floor unknown"
     return [

@@ -31,7 +31,7 @@ h2{font-size:1.2rem;margin:2.2rem 0 .5rem}
 p{margin:.5rem 0;max-width:48rem}
 .numbers{display:grid;grid-template-columns:repeat(auto-fit,minmax(11rem,1fr));gap:.7rem;margin:1rem 0}
 .number{background:var(--card);border:1px solid var(--line);border-radius:8px;padding:.7rem .9rem}
-.number b{display:block;font-size:1.4rem;line-height:1.2;font-variant-numeric:tabular-nums}
+.number b{display:block;overflow-wrap:anywhere;font-size:1.4rem;line-height:1.2;font-variant-numeric:tabular-nums}
 .number span{display:block;font-size:.85rem;color:var(--soft)}
 .good b,td.good{color:var(--good)}.bad b,td.bad{color:var(--bad)}
 .wide{overflow-x:auto}
