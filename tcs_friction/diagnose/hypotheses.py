@@ -191,7 +191,7 @@ def _peaks(found: Sequence[Start]) -> list[Start]:
         return []
     name = next(p.name for p in found[0].instance.term.parameters if p.role is Role.SHAPE)
     row = sorted(found, key=lambda s: s.instance.values[name])
-    inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if b.gain > max(a.gain, c.gain)]
+    inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if a.gain <= b.gain > c.gain]
     return sorted(inner, key=lambda s: -s.gain)
 
 

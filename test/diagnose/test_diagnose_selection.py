@@ -1,0 +1,108 @@
+"""The search for missing effects: pairs that hide each other, jagged effects, what chance explains, who competes."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from structure_cases import DT, Motion, axis, conditioned, settled
+
+from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, climbed, starts, together
+from tcs_friction.diagnose.selection import close_behind, outstanding, searched_anew, select, settle
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
+
+STEP = 100.37  # s
+
+
+def step(m: Motion) -> np.ndarray:
+    return np.where(m.t >= STEP, 1.5, 0.0)
+
+
+def hidden_pair(m: Motion) -> np.ndarray:
+    """A bias that takes away what viscous friction by direction adds in the mean."""
+    return 20.0 * (np.abs(m.v) - float(np.mean(np.abs(m.v))))
+
+
+def start(name: str, gain: float) -> Start:
+    values = {p.name: 1.0 for p in effect(name).parameters if p.default is None}
+    return Start((instance(effect(name), values),), gain, 1, 1.0, np.empty((0, 0)))
+
+
+def names(found: Start) -> set[str]:
+    return {item.term.id for item in found.instances}
+
+
+def test_effects_that_hide_each_other_promise_more_together() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(3), hidden_pair))
+    background = Background(balance, fit.axis, fit.free)
+    with ThreadPoolExecutor(1) as pool:
+        found = all_starts(background, pool, frozenset({"backlash", "flexible_mode", "cogging", "torque_ripple"}))
+    pairs = together(background, found)
+    pair = next(p for p in pairs if names(p) == {"torque_bias", "viscous_asymmetry"})
+    alone = {s.instance.term.id: s.gain for s in found}
+    assert pair.gain > 1.2 * (alone["torque_bias"] + alone["viscous_asymmetry"])
+    assert all(p.gain > 0.0 and len(p.instances) == 2 for p in pairs)
+    promises = [p.gain / p.excess for p in pairs]
+    assert promises == sorted(promises, reverse=True)
+
+
+def test_nothing_promises_more_together_where_nothing_is_hidden() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(4)))
+    background = Background(balance, fit.axis, fit.free)
+    with ThreadPoolExecutor(1) as pool:
+        found = [s for name in ("torque_bias", "imbalance") for s in starts(background, effect(name), None, pool)]
+    assert all(pair.gain < 30.0 for pair in together(background, found))
+
+
+def test_the_time_of_a_step_is_climbed_to() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(5), step))
+    background = Background(balance, fit.axis, fit.free)
+    with ThreadPoolExecutor(1) as pool:
+        first = starts(background, effect("load_step"), None, pool)[0]
+    best = climbed(background, first)
+    assert abs(first.instance.values["time"] - STEP) > 1.0
+    assert best.gain > first.gain
+    assert best.instance.values["time"] == pytest.approx(STEP, abs=0.3)
+    smooth = start("torque_bias", 1.0)
+    assert climbed(background, smooth) is smooth
+
+
+def test_an_effect_led_astray_is_found_anew() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(6), step))
+    astray = settle(balance, fit.axis.with_effect(instance(effect("load_step"), {"step": 1.0, "time": 60.0})), 1)
+    with ThreadPoolExecutor(1) as pool:
+        found = searched_anew(balance, astray, range(1), pool)
+    assert astray.axis.effects[0].values["time"] == pytest.approx(60.0, abs=5.0)
+    assert found.axis.effects[0].values["time"] == pytest.approx(STEP, abs=0.3)
+
+
+def test_a_step_is_selected_and_nothing_else() -> None:
+    """Load-dependent friction is not asked: all noise is in the torque here, which it can make smaller."""
+    balance, _ = settled(conditioned(np.random.default_rng(7), step))
+    chosen = select(balance, axis(), barred=frozenset({"backlash", "flexible_mode", "load_dependent_friction"})).chosen
+    (item,) = chosen.axis.effects
+    assert item.term.id == "load_step"
+    assert item.values["step"] == pytest.approx(1.5, rel=0.1)
+
+
+def test_a_bias_that_a_slow_torque_explains_is_not_named() -> None:
+    """The same bias is named where the rest is noise."""
+    rng = np.random.default_rng(8)
+    corner = 2.0 * np.pi * 0.02 * DT
+    drift = np.zeros(30_000)
+    for k in range(1, len(drift)):
+        drift[k] = (1.0 - corner) * drift[k - 1] + math.sqrt(2.0 * corner) * rng.standard_normal()
+    for slow, kept in ((2.0 * drift, 0), (0.0 * drift, 1)):
+        balance, fit = settled(conditioned(rng, lambda m, slow=slow: np.full(len(m.t), 0.3) + slow))
+        biased = settle(balance, fit.axis.with_effect(instance(effect("torque_bias"), {"bias": 0.3})), 1)
+        assert len(outstanding(balance, biased, 0).axis.effects) == kept
+
+
+def test_two_starts_are_always_fitted_and_others_only_if_they_may_win() -> None:
+    found = [start(name, gain) for name, gain in (("torque_bias", 5.0), ("imbalance", 100.0), ("cable_wrap", 8.0))]
+    assert [s.name for s in close_behind(found)] == ["imbalance", "cable_wrap"]
+    assert [s.name for s in close_behind([*found, start("load_step", 50.0)])] == ["imbalance", "load_step"]
+    assert close_behind([]) == []
