@@ -43,7 +43,6 @@ def run(arguments: argparse.Namespace) -> None:
     mapped = file.mapped(arguments.axis)
     signals = with_dynamometer(mapped, file.axis.kind, arguments.dynamometer, arguments.field)
     recordings = read_recordings(arguments.bags, signals)
-    tell_notes(recordings)
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
     found = calibrate(comparisons, control.observer)
@@ -52,6 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
     calibrated = replace(file, control=replace(control, observer=found.observer))
     _write(arguments.output, text, calibrated)
     _report(arguments.output, found, control.observer, unit, [recording.source for recording in recordings])
+    tell_notes(recordings)
     print(
         json.dumps(found.to_mapping(), allow_nan=False)
         if arguments.json

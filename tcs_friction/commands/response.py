@@ -49,7 +49,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Read, estimate, fit, write, say what came out."""
     file = load_axis(arguments.axis)
     recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
-    tell_notes(recordings)
     lowest, highest = frequencies(recordings, arguments.lowest, arguments.highest)
     measured = of_recordings(recordings, lowest, highest, file.axis.actuation_delay)
     models = (fit_second_order(measured), fit_two_inertias(measured))
@@ -70,6 +69,7 @@ def run(arguments: argparse.Namespace) -> None:
     if not explained(models):
         found = f"neither model fits, misfit {100 * min(model.misfit for model in models):.0f} %"
         raise JobError(sources[0], found, "a run that excites the axis and does not reverse it")
+    tell_notes(recordings)
 
 
 def frequencies(
