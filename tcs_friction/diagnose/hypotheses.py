@@ -501,6 +501,5 @@ def together(background: Background, found: Sequence[Start]) -> list[Start]:
         if gain > one.gain + two.gain:
             excess, count = max(one.excess, two.excess), one.count + two.count
             items = one.instances + two.instances
-            nothing = np.empty((0, 0))
-            result.append(Start(items, gain, count, looks * one.looks * two.looks, nothing, excess))
+            result.append(Start(items, gain, count, looks * one.looks * two.looks, np.empty((0, 0)), excess))
     return sorted(result, key=lambda start: -start.gain / start.excess)

@@ -427,7 +427,7 @@ def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
         return fit.axis
     free = balance.free(start)
     again = balance.fit(start, free, prior(free), iterations=20)
-    return again.axis if again.squares < _judged(balance, fit).squares else fit.axis
+    return again.axis if again.squares < balance.squares(fit.axis) else fit.axis
 
 
 def contend(balance: Balance, selection: Selection, believed: int, progress: Progress | None) -> None:
@@ -461,7 +461,7 @@ def contest(
     """Let rivals compete for one effect's place; swap where one does better."""
     alone = _judged(balance, without(balance, fit, index))
     spread = max(1.0, fit.squares / balance.effective_count)
-    gain = (alone.squares - _judged(balance, fit).squares) / spread
+    gain = (alone.squares - balance.squares(fit.axis)) / spread
     item = fit.axis.effects[index]
     close = close_behind(rivals)
     refined = list(pool.map(lambda start: refine(balance, alone.axis, start, alone, spread), close))
@@ -481,16 +481,15 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
     """Drop effects (beyond the believed ones) that no longer earn their place."""
     while len(fit.axis.effects) > believed + 1:
         spread = max(1.0, fit.squares / balance.effective_count)
+        fewer = [without(balance, fit, index) for index in range(believed, len(fit.axis.effects))]
         losses = []
-        for index in range(believed, len(fit.axis.effects)):
-            term = fit.axis.effects[index].term
+        for index, alone in enumerate(fewer, believed):
             count = sum(f.owner == index for f in fit.free)
-            limit = threshold(balance, [term], count, 1.0)
-            losses.append(((without(balance, fit, index).squares - fit.squares) / spread - limit, index))
-        weakest, index = min(losses)
-        if weakest > 0.0:
-            return fit
-        fit = settle(balance, without(balance, fit, index).axis, rounds=1)
+            limit = threshold(balance, [fit.axis.effects[index].term], count, 1.0)
+            losses.append((alone.squares - fit.squares) / spread - limit)
+        if min(losses) > 0.0:
+            break
+        fit = settle(balance, fewer[int(np.argmin(losses))].axis, rounds=1)
     return fit
 
 
@@ -504,14 +503,13 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
         residual = balance.residual(fit.axis)
         power = np.abs(np.fft.rfft(np.where(balance.train, residual, 0.0))[1:]) ** 2
         density = 2.0 * balance.data.dt * float(np.sum(power**2) / np.sum(power)) / balance.train.sum()
+        fewer = [without(balance, fit, index) for index in range(believed, len(fit.axis.effects))]
         margins = []
-        for index in range(believed, len(fit.axis.effects)):
-            alone = without(balance, fit, index)
+        for index, alone in enumerate(fewer, believed):
             energy = float(np.sum(balance.residual(alone.axis)[balance.train] ** 2 - residual[balance.train] ** 2))
             needed = chance(balance, sum(f.owner == index for f in fit.free), 1.0)
-            margins.append((energy * balance.data.dt - 0.5 * density * needed, index))
-        weakest, index = min(margins)
-        if weakest > 0.0:
+            margins.append(energy * balance.data.dt - 0.5 * density * needed)
+        if min(margins) > 0.0:
             break
-        fit = settle(balance, without(balance, fit, index).axis, rounds=1)
+        fit = settle(balance, fewer[int(np.argmin(margins))].axis, rounds=1)
     return fit

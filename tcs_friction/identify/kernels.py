@@ -71,10 +71,7 @@ def squared_errors(
             _friction(w, velocity[i], travel[i], carry[i])
             if passed:
                 _observe(w, observer, carry[i])
-            a, aim, share = acceleration[i], target[i], weight[i]
-            for j in range(L):
-                error = w[11 * L + j] + w[6 * L + j] * a + w[7 * L + j] - aim
-                w[9 * L + j] += share * error * error
+            _compare(w, acceleration[i], target[i], weight[i])
         for j in range(min(L, count - block * L)):
             out[block * L + j] = w[9 * L + j]
 
@@ -106,10 +103,7 @@ def smoothed_errors(
             for j in range(L):
                 w[11 * L + j] = torque[i, j]
             _observe(w, low_pass, carry[i + 1] if i < last else 0.0)
-            a, aim, share = acceleration[i], target[i], weight[i]
-            for j in range(L):
-                error = w[11 * L + j] + w[6 * L + j] * a + w[7 * L + j] - aim
-                w[9 * L + j] += share * error * error
+            _compare(w, acceleration[i], target[i], weight[i])
         for j in range(min(L, count - block * L)):
             out[block * L + j] = w[9 * L + j]
 
@@ -144,6 +138,15 @@ def _friction(w: Any, v: float, travel: float, kept: float) -> None:
         bristle = kept * w[8 * L + j] * decay + slide
         w[8 * L + j] = bristle
         w[11 * L + j] = bristle + w[4 * L + j] * (v - speed / level * bristle) + w[5 * L + j] * v
+
+
+@njit(inline="always")
+def _compare(w: Any, a: float, aim: float, share: float) -> None:
+    """Adds the squared error of friction (row 11), inertia and offset to the sum (row 9)."""
+    L = LANES
+    for j in range(L):
+        error = w[11 * L + j] + w[6 * L + j] * a + w[7 * L + j] - aim
+        w[9 * L + j] += share * error * error
 
 
 @njit(inline="always")
