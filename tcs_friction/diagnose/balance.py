@@ -17,6 +17,7 @@ from scipy import ndimage, signal
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
+from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Parameter, Role
 
@@ -174,15 +175,15 @@ class Balance:
         bounds = (max(believed - leeway, 0.0), believed + leeway)
         return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
 
-    def residual(self, axis: Axis) -> np.ndarray:
+    def residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque residual (n,), N m, as large as if the drive passed all of the logged torque on.
 
         A drive that swallows the torque would need no friction and leave no residual: the torque is no measure of itself.
+        `remember`: an axis near it will be asked for again.
         """
-        rotor = self.parts.rotor(axis)
-        size = float(np.sqrt(np.mean(rotor[self.train] ** 2)))
+        rotor, size = self.parts.rotor(axis, remember)
         scale = max(self.torque_size / size, 1.0) if size > 0.0 else 1.0
-        return np.asarray(scale * (rotor - self.parts.required(axis)))
+        return np.asarray(scale * (rotor - self.parts.required(axis, remember)))
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""
@@ -310,11 +311,14 @@ class Balance:
         """Derivative of the residual (n, k) by the free numbers, by forward differences; at an upper bound backwards."""
         numbers = get(axis, free)
         columns = np.empty((len(residual), len(free)))
-        for k, f in enumerate(free):
+
+        def differentiate(k: int) -> None:
             moved = numbers.copy()
-            step = -f.scale if at_bound(axis, free, k) == 1 else f.scale
+            step = -free[k].scale if at_bound(axis, free, k) == 1 else free[k].scale
             moved[k] = numbers[k] + step
             columns[:, k] = (self.residual(put(axis, free, moved)) - residual) / step
+
+        side_by_side(differentiate, range(len(free)))
         return columns
 
     def jacobian(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:

@@ -169,11 +169,7 @@ class Product:
 
 def _sampled(basis: Basis) -> np.ndarray:
     """(nodes, count): the columns on the basis' grid."""
-    return dense(basis, np.linspace(basis.lower, basis.upper, basis.nodes))
-
-
-def dense(basis: Basis, x: np.ndarray) -> np.ndarray:
-    """(n, count): the columns at coordinates x (n,)."""
+    x = np.linspace(basis.lower, basis.upper, basis.nodes)
     index, value = basis.evaluate(x)
     columns = np.zeros((len(x), basis.count))
     for k in range(index.shape[1]):  # a column is touched once by each k

@@ -84,8 +84,8 @@ class Conditioned:
     def narrowed(self, x: np.ndarray) -> np.ndarray:
         """A torque (n,) of one stretch at the samples that are evaluated, low-passed at the cutoff where it is compared."""
         taps = len(self._narrowing) // 2
-        filtered = signal.upfirdn(self._narrowing, np.pad(x, taps, mode="edge"), down=self.stride)
-        first = 2 * taps // self.stride
+        filtered = signal.upfirdn(self._narrowing, x, down=self.stride, mode="edge")
+        first = taps // self.stride
         return np.ascontiguousarray(filtered[first : first - (-len(x) // self.stride)])
 
     @cached_property

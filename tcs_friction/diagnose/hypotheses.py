@@ -11,13 +11,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
 from tcs_friction.diagnose.balance import Balance, Free, at_bound, pairs
+from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
@@ -85,7 +85,11 @@ class Background:
 
     def column(self, item: Instance) -> np.ndarray:
         """Change of the residual (n,) when the effect is added as it is."""
-        return np.asarray(self.balance.residual(self.axis.with_effect(item)) - self.residual)
+        return np.asarray(self.balance.residual(self.axis.with_effect(item), remember=False) - self.residual)
+
+    def columns(self, items: Sequence[Instance]) -> np.ndarray:
+        """Those of several effects (rows, k), whitened and projected."""
+        return self.project(np.stack([self.balance.whiten(self.column(item)) for item in items], axis=1))
 
     def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """Drop of squares for projected whitened columns (rows, k), and the amplitudes (k,) that give it."""
@@ -164,9 +168,7 @@ def _unit_size(unit: str) -> float:
     return {"": 0.01, "1/degC": 0.001, "rad": 1e-7}.get(unit, 1.0)
 
 
-def starts(
-    background: Background, term: Term, signal_name: str | None, pool: ThreadPoolExecutor
-) -> list[Start]:
+def starts(background: Background, term: Term, signal_name: str | None) -> list[Start]:
     """Promising starts for one effect, best first; more than one where the search has several peaks."""
     view = survey(background.balance, background.axis)
     if term.periodic:
@@ -178,7 +180,7 @@ def starts(
         looks *= view.span / min(scan["width"] for scan in scans)
         scans = _local_scans(background, scans, term)
     judge = _judge_linear if linear else _judge_directly
-    judged = pool.map(lambda values: judge(background, term, values, signal_name, looks), scans)
+    judged = side_by_side(lambda values: judge(background, term, values, signal_name, looks), scans)
     found = sorted((s for s in judged if s is not None and s.gain > 0.0), key=lambda s: -s.gain)
     if term.jagged:
         found = _peaks(found)
@@ -217,15 +219,24 @@ def climbed(background: Background, start: Start) -> Start:
 def _judge_linear(
     background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
 ) -> Start | None:
-    items = probe(term, values, signal_name, 1.0)
-    columns = np.stack([background.balance.whiten(background.column(item)) for item in items], axis=1)
-    columns = background.project(columns)
+    return _judged(background, term, values, signal_name, looks, background.columns(probe(term, values, signal_name, 1.0)))
+
+
+def _judged(
+    background: Background,
+    term: Term,
+    values: Mapping[str, float],
+    signal_name: str | None,
+    looks: float,
+    columns: np.ndarray,
+) -> Start | None:
+    """The start with the best amplitudes for the probes' columns (rows, k)."""
     norms = np.linalg.norm(columns, axis=0)
     keep = norms > 1e-9 * max(float(norms.max()), 1e-300)
     if not keep.any() or norms.max() == 0.0:
         return None
     gain, amplitudes = background.gain(columns[:, keep] / norms[keep])
-    full = np.zeros(len(items))
+    full = np.zeros(len(norms))
     full[keep] = amplitudes / norms[keep]
     if _impossible(term, full):
         return None
@@ -318,10 +329,12 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
         for fundamental in (order / m for m in range(1, harmonics + 1)):
             if fundamental < grid[0]:
                 continue
-            start = _judge_linear(background, term, {name: fundamental}, None, looks)
+            values = {name: fundamental}
+            columns = background.columns(probe(term, values, None, 1.0))
+            start = _judged(background, term, values, None, looks, columns)
             if start is None:
                 continue
-            start = replace(_pruned(background, start, looks), excess=float(excess[index]))
+            start = replace(_pruned(background, start, columns), excess=float(excess[index]))
             if own is None or start.gain > (1.0 + SUBMULTIPLE) * own.gain:
                 found.append(start)
             own = own or start
@@ -339,8 +352,8 @@ def _excess(grid: np.ndarray, score: np.ndarray) -> np.ndarray:
     )
 
 
-def _pruned(background: Background, start: Start, looks: float) -> Start:
-    """Without harmonics that do not earn their two numbers."""
+def _pruned(background: Background, start: Start, columns: np.ndarray) -> Start:
+    """Without harmonics that do not earn their two numbers; `columns` (rows, k) of all probes."""
     values = dict(start.instance.values)
     term = start.instance.term
     names = [
@@ -350,10 +363,7 @@ def _pruned(background: Background, start: Start, looks: float) -> Start:
     ]
     if len(names) == 1:
         return start
-    balance = background.balance
     shape = {p.name: values[p.name] for p in term.parameters if p.role is Role.SHAPE}
-    items = probe(term, shape, start.instance.signal, 1.0)
-    columns = background.project(np.stack([balance.whiten(background.column(i)) for i in items], axis=1))
     kept = list(range(len(names)))
     need = 2.0 * math.log(max(len(background.white), 2)) * dispersion(background)
     while len(kept) > 1:
@@ -371,7 +381,7 @@ def _pruned(background: Background, start: Start, looks: float) -> Start:
     amplitudes = np.zeros(2 * len(names))
     amplitudes[chosen] = some
     item = _with_amplitudes(term, shape, start.instance.signal, amplitudes)
-    return Start((item,), gain, 2 * len(kept) + 1, looks, _thrifty(columns[:, chosen]))
+    return Start((item,), gain, 2 * len(kept) + 1, start.looks, _thrifty(columns[:, chosen]))
 
 
 def dispersion(background: Background) -> float:
@@ -466,15 +476,10 @@ def _time_spectrum(
     return grid[chosen], 2.0 * sums / np.maximum(norm, 1e-300), 2.0 * view.duration * view.cutoff
 
 
-def all_starts(
-    background: Background, pool: ThreadPoolExecutor, barred: frozenset[str] = frozenset()
-) -> list[Start]:
+def all_starts(background: Background, barred: frozenset[str] = frozenset()) -> list[Start]:
     """Starts of every effect that could be missing, best promise first."""
-    found = [
-        starts(background, term, name, pool)
-        for term, name in eligible(background.axis, background.balance)
-        if term.id not in barred
-    ]
+    terms = [(t, name) for t, name in eligible(background.axis, background.balance) if t.id not in barred]
+    found = side_by_side(lambda pair: starts(background, *pair), terms)
     return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.gain / start.excess)
 
 

@@ -12,7 +12,7 @@ from threading import Lock
 
 import numpy as np
 
-from tcs_friction.diagnose.condition import Conditioned, Stretch
+from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
@@ -29,13 +29,17 @@ class Memory:
         self.results: OrderedDict[Hashable, tuple[np.ndarray, ...]] = OrderedDict()
         self.lock = Lock()
 
-    def get(self, key: Hashable, make: Callable[[], tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
-        """The result under this key, made if it is not remembered."""
+    def get(
+        self, key: Hashable, make: Callable[[], tuple[np.ndarray, ...]], remember: bool = True
+    ) -> tuple[np.ndarray, ...]:
+        """The result under this key, made if it is not remembered, and remembered if wanted."""
         with self.lock:
             if key in self.results:
                 self.results.move_to_end(key)
                 return self.results[key]
         result = make()
+        if not remember:
+            return result
         with self.lock:
             if key not in self.results:
                 self.results[key] = result
@@ -51,14 +55,16 @@ class Parts:
 
     def __init__(self, data: Conditioned) -> None:
         self.data = data
+        self.train = data.joined("train")
         self.resolution = max(2.0 * data.velocity_noise, 1e-12)
         self.memory = Memory()
 
-    def rotor(self, axis: Axis) -> np.ndarray:
-        """Torque that the drive gives at the rotor, N m."""
-        return self._drive(axis)[0]
+    def rotor(self, axis: Axis, remember: bool = True) -> tuple[np.ndarray, float]:
+        """Torque (n,) that the drive gives at the rotor, and its rms over the train data, N m."""
+        rotor, size = self._drive(axis, remember)[:2]
+        return rotor, float(size[0])
 
-    def required(self, axis: Axis) -> np.ndarray:
+    def required(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque that the measured motion requires at the rotor, N m."""
         opposing = _at(axis, Place.OPPOSING)
         alone = [[item] for item in opposing if _alone(item)]
@@ -68,28 +74,29 @@ class Parts:
             *(item for item in opposing if not _alone(item)),
         ]
         bodies = _at(axis, Place.BODY)
-        total = axis.inertia * self._motion(axis)[0]
+        total = axis.inertia * self._motion(axis, remember)[0]
         for group in (friction, *alone, *([bodies] if bodies else [])):
-            total += self._demand(axis, group)
+            total += self._demand(axis, group, remember)
         return np.asarray(total)
 
-    def _drive(self, axis: Axis) -> tuple[np.ndarray, ...]:
-        """Torque at the rotor where it is compared, then at all samples of each stretch."""
+    def _drive(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
+        """Torque at the rotor where it is compared, its rms over the train data, then at all samples of each stretch."""
         drive, stretches = _at(axis, Place.DRIVE), self.data.stretches
 
         def walk() -> tuple[np.ndarray, ...]:
             every = [s.torque for s in stretches]
             if drive:
-                motions = self._motion(axis)[1:]
-                walked = [
-                    self._walk(axis, drive, s, m, s.torque) for s, m in zip(stretches, motions, strict=True)
-                ]
-                every = [out[:, machine.ROTOR].copy() for out in walked]
-            return np.concatenate([self.data.narrowed(x) for x in every]), *every
+                motions = self._motion(axis, remember)[1:]
+                every = [np.empty(len(s.t)) for s in stretches]
+                for s, motion, out in zip(stretches, motions, every, strict=True):
+                    built = self._built(axis, drive, motion)
+                    machine.evaluate_drive(built, s.t, motion, s.torque, s.signals, out)
+            rotor = np.concatenate([self.data.narrowed(x) for x in every])
+            return rotor, np.sqrt(np.mean(rotor[self.train] ** 2, keepdims=True)), *every
 
-        return self.memory.get(("drive", _key(drive), _key(_at(axis, Place.SENSOR))), walk)
+        return self.memory.get(("drive", _key(drive), _key(_at(axis, Place.SENSOR))), walk, remember)
 
-    def _motion(self, axis: Axis) -> tuple[np.ndarray, ...]:
+    def _motion(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
         """True acceleration at the compared samples, then position, velocity and acceleration (3, n) of each stretch."""
         sensors = _at(axis, Place.SENSOR)
 
@@ -104,20 +111,21 @@ class Parts:
                 stretches.append(true)
             return np.concatenate([self.data.narrowed(x[2]) for x in stretches]), *stretches
 
-        return self.memory.get(("motion", _key(sensors)), walk)
+        return self.memory.get(("motion", _key(sensors)), walk, remember)
 
-    def _demand(self, axis: Axis, group: Sequence[Instance]) -> np.ndarray:
+    def _demand(self, axis: Axis, group: Sequence[Instance], remember: bool) -> np.ndarray:
         """What a group of terms adds to the required torque at the compared samples."""
         loaded = any("torque" in item.term.reads for item in group)
         bodily = group[0].term.place is Place.BODY
 
         def walk() -> tuple[np.ndarray, ...]:
-            stretches, motions = self.data.stretches, self._motion(axis)[1:]
-            torques = self._drive(axis)[1:] if loaded else [s.torque for s in stretches]
+            stretches, motions = self.data.stretches, self._motion(axis, remember)[1:]
+            torques = self._drive(axis, remember)[2:] if loaded else [s.torque for s in stretches]
             parts = []
             for s, motion, torque in zip(stretches, motions, torques, strict=True):
-                required = self._walk(axis, group, s, motion, torque)[:, machine.REQUIRED]
-                parts.append(self.data.narrowed(required - axis.inertia * motion[2]))
+                built, demand = self._built(axis, group, motion), np.empty(len(s.t))
+                machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, demand)
+                parts.append(self.data.narrowed(demand))
             return (np.concatenate(parts),)
 
         key = (
@@ -126,31 +134,17 @@ class Parts:
             _key(_at(axis, Place.DRIVE)) if loaded else None,
             axis.inertia if bodily else None,
         )
-        return self.memory.get(key, walk)[0]
+        return self.memory.get(key, walk, remember)[0]
 
     @property
     def step(self) -> float:
         """Seconds between the samples that are evaluated."""
         return self.data.dt / self.data.stride
 
-    def _walk(
-        self,
-        axis: Axis,
-        terms: Sequence[Instance],
-        s: Stretch,
-        motion: np.ndarray,
-        torque: np.ndarray,
-    ) -> np.ndarray:
-        """`machine.evaluate` of some terms (n, 8) over every sample of a stretch."""
-        position, velocity, acceleration = motion
-        built = machine.build(
-            axis, self.step, signals=self.data.names, position=float(position[0]), terms=terms
-        )
-        out = np.empty((len(position), 8))
-        machine.evaluate(
-            built, s.t, position, velocity, acceleration, torque, s.signals, self.resolution, out
-        )
-        return out
+    def _built(self, axis: Axis, terms: Sequence[Instance], motion: np.ndarray) -> machine.Machine:
+        """Some terms, ready to walk through a stretch's motion (3, n)."""
+        start = float(motion[0, 0])
+        return machine.build(axis, self.step, signals=self.data.names, position=start, terms=terms)
 
 
 def _at(axis: Axis, place: Place) -> list[Instance]:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy import ndimage
@@ -29,6 +29,7 @@ from tcs_friction.diagnose.hypotheses import (
     survey,
     together,
 )
+from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Term
@@ -308,7 +309,6 @@ def simplest(balance: Balance, candidates: list[Candidate]) -> Candidate:
 def one_round(
     balance: Balance,
     fit: Fit,
-    pool: ThreadPoolExecutor,
     barred: frozenset[str] = frozenset(),
     pairs: bool = False,
 ) -> list[Candidate]:
@@ -321,7 +321,7 @@ def one_round(
         limit = threshold(balance, [item.term for item in start.instances], start.count, start.looks)
         return start.gain / spread / start.excess - share * limit
 
-    found = all_starts(background, pool, barred)
+    found = all_starts(background, barred)
     best: dict[str, list[Start]] = {}
     for start in found:
         if promise(start, 0.5) >= 0.0:
@@ -337,7 +337,7 @@ def one_round(
     def refined(start: Start) -> Candidate:
         return refine(balance, fit.axis, climbed(background, start), base, spread)
 
-    return confirmed(balance, base, list(pool.map(refined, promising)), spread)
+    return confirmed(balance, base, side_by_side(refined, promising), spread)
 
 
 def close_behind(found: Sequence[Start]) -> list[Start]:
@@ -366,25 +366,24 @@ def select(
     retuned = settle(balance, axis)
     selection = Selection(retuned, retuned)
     fit = retuned
-    with ThreadPoolExecutor(2) as pool:
-        for round_number in range(MOST):
-            if progress is not None:
-                progress(
-                    0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
-                )
-            candidates = one_round(balance, fit, pool, barred, pairs=True)
-            selection.rounds.append(candidates)
-            if not candidates or candidates[0].score <= 0.0:
-                break
-            fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
-            earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
-            fit = searched_anew(balance, fit, range(believed, earlier), pool)
-            fit = prune(balance, fit, believed)
+    for round_number in range(MOST):
+        if progress is not None:
+            progress(
+                0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
+            )
+        candidates = one_round(balance, fit, barred, pairs=True)
+        selection.rounds.append(candidates)
+        if not candidates or candidates[0].score <= 0.0:
+            break
+        fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
+        earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
+        fit = searched_anew(balance, fit, range(believed, earlier))
+        fit = prune(balance, fit, believed)
     selection.chosen = fit
     return selection
 
 
-def searched_anew(balance: Balance, fit: Fit, indices: range, pool: ThreadPoolExecutor) -> Fit:
+def searched_anew(balance: Balance, fit: Fit, indices: range) -> Fit:
     """The fit with jagged ones of these effects where a search now puts each.
 
     What was missing then may have led it astray, and no derivative leads it back.
@@ -392,7 +391,7 @@ def searched_anew(balance: Balance, fit: Fit, indices: range, pool: ThreadPoolEx
     index = indices.start
     for _ in indices:
         jagged = fit.axis.effects[index].term.jagged
-        better = _placed_anew(balance, fit, index, pool) if jagged else None
+        better = _placed_anew(balance, fit, index) if jagged else None
         if better is None:
             index += 1
         else:
@@ -400,12 +399,12 @@ def searched_anew(balance: Balance, fit: Fit, indices: range, pool: ThreadPoolEx
     return fit
 
 
-def _placed_anew(balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor) -> Fit | None:
+def _placed_anew(balance: Balance, fit: Fit, index: int) -> Fit | None:
     """The fit with one effect found once more on top of all others, if it does better there."""
     item = fit.axis.effects[index]
     alone = _judged(balance, without(balance, fit, index))
     background = Background(balance, alone.axis, alone.free)
-    found = starts(background, item.term, item.signal, pool)
+    found = starts(background, item.term, item.signal)
     squares = balance.squares(fit.axis)
     start = climbed(background, found[0]) if found else None
     if start is None or start.gain <= alone.squares - squares:
@@ -433,12 +432,11 @@ def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
 def contend(balance: Balance, selection: Selection, believed: int, progress: Progress | None) -> None:
     """Let what was promising compete for the place of every chosen effect; keeps the rivals."""
     fit = selection.chosen
-    with ThreadPoolExecutor(2) as pool:
-        for index in range(believed, len(fit.axis.effects)):
-            if progress is not None:
-                progress(0.8, f"rivals of {fit.axis.effects[index].term.id}")
-            fit, rivals = contest(balance, fit, index, pool, challengers(selection, fit, index))
-            selection.rivals.append(rivals)
+    for index in range(believed, len(fit.axis.effects)):
+        if progress is not None:
+            progress(0.8, f"rivals of {fit.axis.effects[index].term.id}")
+        fit, rivals = contest(balance, fit, index, challengers(selection, fit, index))
+        selection.rivals.append(rivals)
     selection.chosen = fit
 
 
@@ -456,7 +454,7 @@ def challengers(selection: Selection, fit: Fit, index: int) -> list[Start]:
 
 
 def contest(
-    balance: Balance, fit: Fit, index: int, pool: ThreadPoolExecutor, rivals: Sequence[Start]
+    balance: Balance, fit: Fit, index: int, rivals: Sequence[Start]
 ) -> tuple[Fit, Rivals]:
     """Let rivals compete for one effect's place; swap where one does better."""
     alone = _judged(balance, without(balance, fit, index))
@@ -464,7 +462,7 @@ def contest(
     gain = (alone.squares - balance.squares(fit.axis)) / spread
     item = fit.axis.effects[index]
     close = close_behind(rivals)
-    refined = list(pool.map(lambda start: refine(balance, alone.axis, start, alone, spread), close))
+    refined = side_by_side(lambda start: refine(balance, alone.axis, start, alone, spread), close)
     candidates = confirmed(balance, alone, refined, spread)
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
@@ -481,7 +479,7 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
     """Drop effects (beyond the believed ones) that no longer earn their place."""
     while len(fit.axis.effects) > believed + 1:
         spread = max(1.0, fit.squares / balance.effective_count)
-        fewer = [without(balance, fit, index) for index in range(believed, len(fit.axis.effects))]
+        fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         losses = []
         for index, alone in enumerate(fewer, believed):
             count = sum(f.owner == index for f in fit.free)
@@ -503,7 +501,7 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
         residual = balance.residual(fit.axis)
         power = np.abs(np.fft.rfft(np.where(balance.train, residual, 0.0))[1:]) ** 2
         density = 2.0 * balance.data.dt * float(np.sum(power**2) / np.sum(power)) / balance.train.sum()
-        fewer = [without(balance, fit, index) for index in range(believed, len(fit.axis.effects))]
+        fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         margins = []
         for index, alone in enumerate(fewer, believed):
             energy = float(np.sum(balance.residual(alone.axis)[balance.train] ** 2 - residual[balance.train] ** 2))

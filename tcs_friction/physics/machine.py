@@ -258,6 +258,32 @@ def true_motion(m: Machine, dt: float, motion: Any, out: Any) -> None:
         out[0, i], out[1, i], out[2, i] = true_instant(m, motion[0, i], motion[1, i], motion[2, i], dt)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def measured_instant(
+    m: Machine, t: float, dt: float, position: float, velocity: float, acceleration: float, signals: Any, i: int
+) -> float:
+    """Set `m.motion` to a measured instant, `dt` (s) after the one before; returns the true acceleration."""
+    motion = m.motion
+    q, v, a = true_instant(m, position, velocity, acceleration, dt)
+    motion[TIME] = t
+    motion[TRAVEL] = 0.5 * (v + motion[VELOCITY]) * dt
+    motion[POSITION] = q
+    motion[VELOCITY] = v
+    motion[ACCELERATION] = a
+    motion[INERTIA] = m.constants[MASS]
+    for s in range(signals.shape[0]):
+        motion[TEMPERATURE + s] = signals[s, i]
+    return float(a)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def arrest_per_speed(m: Machine, resolution: float) -> float:
+    """How steeply the torque that would arrest the axis grows with its speed, N m s/rad."""
+    if m.ends[1] == m.ends[2]:
+        return 0.0
+    return float(m.parameters[m.parameter_ends[m.ends[1]]] / resolution)  # the law's first parameter
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def evaluate(
     m: Machine,
@@ -277,21 +303,10 @@ def evaluate(
     available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
     """
     motion = m.motion
-    level = 0.0
-    if m.ends[1] < m.ends[2]:
-        level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
-        q, v, a = true_instant(m, position[i], velocity[i], acceleration[i], dt)
-        motion[TIME] = t[i]
-        motion[TRAVEL] = 0.5 * (v + motion[VELOCITY]) * dt
-        motion[POSITION] = q
-        motion[VELOCITY] = v
-        motion[ACCELERATION] = a
-        motion[INERTIA] = m.constants[MASS]
-        motion[ARREST] = level * v / resolution
-        for s in range(signals.shape[0]):
-            motion[TEMPERATURE + s] = signals[s, i]
+        a = measured_instant(m, t[i], dt, position[i], velocity[i], acceleration[i], signals, i)
+        motion[ARREST] = arrest_per_speed(m, resolution) * motion[VELOCITY]
         motion[TORQUE] = torque[i]
         for k in range(m.ends[0]):
             motion[TORQUE] = call_term(m, k, dt)
@@ -304,3 +319,41 @@ def evaluate(
         out[i, SHARE] = motion[MOBILISED]
         out[i, OPPOSED] = opposing
         out[i, MOVED] = motion[INERTIA]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def evaluate_demand(
+    m: Machine,
+    t: Any,
+    motion: Any,
+    torque: Any,
+    signals: Any,
+    resolution: float,
+    out: Any,
+) -> None:
+    """What the terms add to the torque that a true motion (3, n) requires, `out` (n,), N m; others as for `evaluate`.
+
+    `torque` is that at the rotor.
+    """
+    at = m.motion
+    slope = arrest_per_speed(m, resolution)
+    for i in range(len(t)):
+        dt = t[i] - t[i - 1] if i > 0 else 0.0
+        a = measured_instant(m, t[i], dt, motion[0, i], motion[1, i], motion[2, i], signals, i)
+        at[ARREST] = slope * at[VELOCITY]
+        at[TORQUE] = torque[i]
+        friction, opposing = torques(m, dt)
+        out[i] = (at[INERTIA] - m.constants[MASS]) * a + friction + opposing
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def evaluate_drive(m: Machine, t: Any, motion: Any, torque: Any, signals: Any, out: Any) -> None:
+    """Torque at the rotor (n,), N m, that the drive gives of a logged one; arguments as for `evaluate_demand`."""
+    at = m.motion
+    for i in range(len(t)):
+        dt = t[i] - t[i - 1] if i > 0 else 0.0
+        measured_instant(m, t[i], dt, motion[0, i], motion[1, i], motion[2, i], signals, i)
+        at[TORQUE] = torque[i]
+        for k in range(m.ends[0]):
+            at[TORQUE] = call_term(m, k, dt)
+        out[i] = at[TORQUE]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -38,8 +37,7 @@ def names(found: Start) -> set[str]:
 def test_effects_that_hide_each_other_promise_more_together() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(3), hidden_pair))
     background = Background(balance, fit.axis, fit.free)
-    with ThreadPoolExecutor(1) as pool:
-        found = all_starts(background, pool, frozenset({"backlash", "flexible_mode", "cogging", "torque_ripple"}))
+    found = all_starts(background, frozenset({"backlash", "flexible_mode", "cogging", "torque_ripple"}))
     pairs = together(background, found)
     pair = next(p for p in pairs if names(p) == {"torque_bias", "viscous_asymmetry"})
     alone = {s.instance.term.id: s.gain for s in found}
@@ -52,16 +50,14 @@ def test_effects_that_hide_each_other_promise_more_together() -> None:
 def test_nothing_promises_more_together_where_nothing_is_hidden() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(4)))
     background = Background(balance, fit.axis, fit.free)
-    with ThreadPoolExecutor(1) as pool:
-        found = [s for name in ("torque_bias", "imbalance") for s in starts(background, effect(name), None, pool)]
+    found = [s for name in ("torque_bias", "imbalance") for s in starts(background, effect(name), None)]
     assert all(pair.gain < 30.0 for pair in together(background, found))
 
 
 def test_the_time_of_a_step_is_climbed_to() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(5), step))
     background = Background(balance, fit.axis, fit.free)
-    with ThreadPoolExecutor(1) as pool:
-        first = starts(background, effect("load_step"), None, pool)[0]
+    first = starts(background, effect("load_step"), None)[0]
     best = climbed(background, first)
     assert abs(first.instance.values["time"] - STEP) > 1.0
     assert best.gain > first.gain
@@ -73,8 +69,7 @@ def test_the_time_of_a_step_is_climbed_to() -> None:
 def test_an_effect_led_astray_is_found_anew() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(6), step))
     astray = settle(balance, fit.axis.with_effect(instance(effect("load_step"), {"step": 1.0, "time": 60.0})), 1)
-    with ThreadPoolExecutor(1) as pool:
-        found = searched_anew(balance, astray, range(1), pool)
+    found = searched_anew(balance, astray, range(1))
     assert astray.axis.effects[0].values["time"] == pytest.approx(60.0, abs=5.0)
     assert found.axis.effects[0].values["time"] == pytest.approx(STEP, abs=0.3)
 

@@ -58,8 +58,9 @@ def bristle_step(deflection: float, travel: float, before: float, level: float, 
         return deflection
     direction = 1.0 if travel > 0.0 else -1.0
     widths = stiffness * abs(travel) * 2.0 / (before + level)
-    decay = math.exp(-widths)
-    mean = -math.expm1(-widths) / widths if widths > 0.0 else 1.0  # of the decay over the step
+    lost = -math.expm1(-widths)
+    decay = 1.0 - lost
+    mean = lost / widths if widths > 0.0 else 1.0  # of the decay over the step
     return deflection * decay + direction / stiffness * (before * (mean - decay) + level * (1.0 - mean))
 
 
