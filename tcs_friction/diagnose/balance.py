@@ -212,6 +212,11 @@ class Balance:
         """Independent samples in the whitened train rows: their band ends at the cutoff."""
         return len(self.rows) * min(1.0, 2.0 * self.data.cutoff * self.data.dt)
 
+    def weigh(self, residual: np.ndarray) -> None:
+        """Take the noise, and where it is louder than usual, from a residual (n,)."""
+        self.estimate_noise(residual)
+        self.estimate_local_noise(residual)
+
     def estimate_local_noise(self, residual: np.ndarray) -> None:
         """Weigh down the seconds in which the whitened residual is larger than usual.
 

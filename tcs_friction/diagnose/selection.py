@@ -107,9 +107,7 @@ def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
         free = balance.free(axis)
         fit = balance.fit(axis, free, prior(free), iterations=20 if i == 0 else 8)
         axis = fit.axis
-        residual = balance.residual(axis)
-        balance.estimate_noise(residual)
-        balance.estimate_local_noise(residual)
+        balance.weigh(balance.residual(axis))
     assert fit is not None
     return _judged(balance, fit)
 
@@ -356,11 +354,16 @@ def without(balance: Balance, fit: Fit, index: int) -> Fit:
 
 
 def select(
-    balance: Balance, axis: Axis, progress: Progress | None = None, barred: frozenset[str] = frozenset()
+    balance: Balance,
+    axis: Axis,
+    progress: Progress | None = None,
+    barred: frozenset[str] = frozenset(),
+    hopeless: Callable[[Selection], bool] | None = None,
 ) -> Selection:
     """Forward selection with backward checks; noise and weights are estimated anew after each step.
 
-    `barred` effects are never tried: the data cannot carry them. `progress` may raise to cancel.
+    `barred` effects are never tried: the data cannot carry them. `progress` may raise to cancel. `hopeless` is asked
+    from the second effect on whether to go on makes no sense.
     """
     believed = len(axis.effects)
     retuned = settle(balance, axis)
@@ -378,8 +381,9 @@ def select(
         fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
         earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
         fit = searched_anew(balance, fit, range(believed, earlier))
-        fit = prune(balance, fit, believed)
-    selection.chosen = fit
+        selection.chosen = fit = prune(balance, fit, believed)
+        if hopeless is not None and len(fit.axis.effects) > believed + 1 and hopeless(selection):
+            break
     return selection
 
 

@@ -58,19 +58,42 @@ def diagnose(
     balance = Balance(data, file.axis.actuation_delay)
     tell(0.1, "retuning what the model has")
     impossible = barred(data, file.axis)
-    selection = select(balance, file.axis, tell, impossible)
+    remains = _Remains(balance)
+    selection = select(balance, file.axis, tell, impossible, remains.is_plain_map)
     tell(0.75, "looking for structure that remains")
-    structure = remaining_structure(balance, selection.chosen)
-    if structure is not None and structure.coordinates == ("time",):
+    plain = remains.is_plain_map(selection)
+    if remains.structure is not None and remains.structure.coordinates == ("time",):
         selection.chosen = outstanding(balance, selection.chosen, len(file.axis.effects))
-    plain = _plain_map(balance, selection, structure)
-    if plain is not None:
-        fit, structure = plain
-    else:
+        plain = remains.is_plain_map(selection)
+    structure = remains.structure
+    if not plain:
         contend(balance, selection, len(file.axis.effects), tell)
-        fit = selection.chosen if structure is None else _mapped(balance, selection.chosen, structure)
+    fit = selection.chosen if plain or structure is None else _mapped(balance, selection.chosen, structure)
     tell(0.92, "proving on held-out data")
     return _Judge(data, balance, file, selection, fit, structure).diagnosis()
+
+
+class _Remains:
+    """What the chosen effects of a selection leave, looked at once for every choice."""
+
+    def __init__(self, balance: Balance) -> None:
+        self.balance = balance
+        self.of: Fit | None = None
+        self.structure: Structure | None = None
+        self.plain = False
+
+    def is_plain_map(self, selection: Selection) -> bool:
+        """Whether a learned map on the retuned axis does as well as the chosen effects; then it is what is chosen."""
+        if selection.chosen is not self.of:
+            self.structure = remaining_structure(self.balance, selection.chosen)
+            found = _plain_map(self.balance, selection, self.structure)
+            self.plain = found is not None
+            if found is not None:
+                selection.chosen, self.structure = found
+            else:
+                self.balance.weigh(self.balance.residual(selection.chosen.axis))
+            self.of = selection.chosen
+        return self.plain
 
 
 def _plain_map(
