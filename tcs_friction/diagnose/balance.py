@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import fft, ndimage, signal
 
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.parts import Parts
@@ -149,6 +149,7 @@ class Balance:
         self.data = data
         self.believed_delay = believed_delay
         self.weights = np.array([1.0])
+        self.responses: dict[int, np.ndarray] = {}
         self.sizes = [len(s.train) for s in data.stretches]
         self.ends = np.cumsum([0, *self.sizes])
         self.train = data.joined("train")
@@ -237,13 +238,23 @@ class Balance:
     def _whiten_all(self, x: np.ndarray) -> np.ndarray:
         if len(self.weights) == 1:
             return x * self.weights[0]
-        half = (len(self.weights) - 1) // 2
-        weights = self.weights if x.ndim == 1 else self.weights[:, None]
-        parts = [
-            signal.oaconvolve(x[a:b], weights, axes=0)[half : half + b - a]
-            for a, b in zip(self.ends[:-1], self.ends[1:], strict=True)
-        ]
+        parts = []
+        for a, b in zip(self.ends[:-1], self.ends[1:], strict=True):
+            size = fft.next_fast_len(int(b - a) + len(self.weights) // 2, real=True)
+            response = self._response(size)
+            spectrum = fft.rfft(x[a:b], size, axis=0)
+            spectrum *= response if x.ndim == 1 else response[:, None]
+            parts.append(fft.irfft(spectrum, size, axis=0, overwrite_x=True)[: b - a])
         return np.concatenate(parts)
+
+    def _response(self, size: int) -> np.ndarray:
+        """The whitening filter's real response at the frequencies of a transform of `size`."""
+        if size not in self.responses:
+            half = len(self.weights) // 2
+            turned = np.zeros(size)
+            turned[: half + 1], turned[size - half :] = self.weights[half:], self.weights[:half]
+            self.responses[size] = fft.rfft(turned).real
+        return self.responses[size]
 
     def _refresh_rows(self) -> None:
         """Rows whose whole whitening filter lies in train data."""
@@ -271,6 +282,7 @@ class Balance:
         response = np.fft.irfft(np.sqrt(2.0 * self.data.dt / density), count)
         response = np.roll(response, half)[: 2 * half + 1]
         self.weights = response * signal.get_window("hann", 2 * half + 3, fftbins=False)[1:-1]
+        self.responses = {}
         self._refresh_rows()
 
     def _half_length(self) -> int:

@@ -96,6 +96,10 @@ class Parts:
 
         return self.memory.get(("drive", _key(drive), _key(_at(axis, Place.SENSOR))), walk, remember)
 
+    def acceleration(self, axis: Axis) -> np.ndarray:
+        """True acceleration (n,), rad/s^2, narrowed as torques are."""
+        return self._motion(axis, True)[0]
+
     def _motion(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
         """True acceleration at the compared samples, then position, velocity and acceleration (3, n) of each stretch."""
         sensors = _at(axis, Place.SENSOR)

@@ -17,16 +17,15 @@ from functools import partial
 import numpy as np
 from scipy import ndimage
 
+from tcs_friction.diagnose.background import Background, survey
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
 from tcs_friction.diagnose.hypotheses import (
-    Background,
     Start,
     all_starts,
     climbed,
     dispersion,
     name_of,
     starts,
-    survey,
     together,
 )
 from tcs_friction.diagnose.side_by_side import side_by_side

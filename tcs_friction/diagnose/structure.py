@@ -19,6 +19,7 @@ from scipy import linalg, stats
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
 from tcs_friction.diagnose.coarse import Coarse, slow_excess
+from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.terms import Table
 
 FALSE_ALARM = 1e-3  # over all maps
@@ -113,7 +114,7 @@ def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:
     if len(ground.white) < 100:
         return None
     products = list(_products(ground))
-    judged = [_judge(ground, product, looks, len(products)) for product, looks in products]
+    judged = side_by_side(lambda pair: _judge(ground, *pair, len(products)), products)
     found = [j for j in judged if j.power > (MATERIAL * ground.floor) ** 2]
     if not found:
         return _in_time(ground)

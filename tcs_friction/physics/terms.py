@@ -173,6 +173,9 @@ def no_scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return ({},)
 
 
+Transfer = Callable[[Mapping[str, float], np.ndarray], np.ndarray]
+
+
 def _no_warnings(values: Mapping[str, float]) -> list[str]:
     return []
 
@@ -193,6 +196,8 @@ class Term:
     scan: values of the SHAPE parameters to start a search from, given what a recording can show.
     periodic: "position" or "time" when the first parameter counts periods there and a spectrum finds it.
     local: it has a `centre` and a `width` in position, and a matched filter over the position finds the centre.
+    transfer: where it is a linear filter, the complex amplitude that it adds at complex frequencies s (rad/s): to the torque,
+    over that torque, for a DRIVE term; to the required torque, over inertia times acceleration, for a BODY.
     warn: what is doubtful about a set of values (a passivity condition, say), one line each.
     rank: order among terms of the same place; terms that change what others read come first.
     reads: what it reads beside motion, time and recorded signals: the "torque" at the rotor, what "friction" terms wrote.
@@ -214,6 +219,7 @@ class Term:
     scan: Scan = no_scan
     periodic: str = ""
     local: bool = False
+    transfer: Transfer | None = None
     warn: Validate = _no_warnings
     rank: int = 0
     tabulated: bool = False

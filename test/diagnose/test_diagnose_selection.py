@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from structure_cases import DT, Motion, axis, conditioned, settled
 
-from tcs_friction.diagnose.hypotheses import Background, Start, all_starts, climbed, starts, together
+from tcs_friction.diagnose.background import Background
+from tcs_friction.diagnose.hypotheses import Start, all_starts, climbed, starts, together
 from tcs_friction.diagnose.selection import close_behind, outstanding, searched_anew, select, settle
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance

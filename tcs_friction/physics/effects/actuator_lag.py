@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from tcs_friction.physics.terms import TORQUE, Parameter, Place, Survey, Term, geometric, kernel
 
 
@@ -28,6 +30,10 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"time_constant": tau} for tau in geometric(0.01 / survey.cutoff, 1.0 / survey.cutoff, 12)]
 
 
+def transfer(values: Mapping[str, float], s: np.ndarray) -> np.ndarray:
+    return np.asarray(1.0 / (1.0 + s * values["time_constant"]) - 1.0)
+
+
 TERM = Term(
     id="actuator_lag",
     place=Place.DRIVE,
@@ -39,4 +45,5 @@ TERM = Term(
     coordinate="frequency",
     subsystem="actuator",
     scan=scan,
+    transfer=transfer,
 )

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from numba import njit
 
 from tcs_friction.physics.terms import (
@@ -62,6 +63,12 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"frequency": f, "damping": 0.04, "inertia_ratio": r} for f in frequencies for r in (0.05, 0.3)]
 
 
+def transfer(values: Mapping[str, float], s: np.ndarray) -> np.ndarray:
+    lower = math.sqrt(1.0 - values["inertia_ratio"])
+    omega, damping = 2.0 * math.pi * values["frequency"] * lower, values["damping"] * lower
+    return np.asarray(-values["inertia_ratio"] * s**2 / (s**2 + 2.0 * damping * omega * s + omega**2))
+
+
 TERM = Term(
     id="flexible_mode",
     place=Place.BODY,
@@ -84,4 +91,5 @@ TERM = Term(
     coordinate="frequency",
     subsystem="structure",
     scan=scan,
+    transfer=transfer,
 )

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from tcs_friction.physics.terms import TORQUE, Parameter, Place, Survey, Term, geometric, kernel
 
 
@@ -34,6 +36,10 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"delay": delay} for delay in geometric(0.01 / survey.cutoff, 1.0 / survey.cutoff, 12)]
 
 
+def transfer(values: Mapping[str, float], s: np.ndarray) -> np.ndarray:
+    return np.asarray(np.exp(-s * values["delay"]) - 1.0)
+
+
 TERM = Term(
     id="transport_delay",
     place=Place.DRIVE,
@@ -45,4 +51,5 @@ TERM = Term(
     coordinate="frequency",
     subsystem="timing",
     scan=scan,
+    transfer=transfer,
 )
