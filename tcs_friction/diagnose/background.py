@@ -42,6 +42,12 @@ class Background:
         """Change of the residual (n,) when the effect is added as it is."""
         return np.asarray(self.balance.residual(self.axis.with_effect(item), remember=False) - self.residual)
 
+    def column_by_motion(self, item: Instance) -> np.ndarray:
+        """`column` of friction that follows the load, the load taken from the motion."""
+        parts = self.balance.parts
+        plain, loaded = (parts.friction_by_motion(self.axis, x) for x in (self.axis, self.axis.with_effect(item)))
+        return plain - loaded
+
     def columns(self, items: Sequence[Instance]) -> np.ndarray:
         """Those of several effects (rows, k), whitened and projected."""
         return self.project(np.stack([self.balance.whiten(self.column(item)) for item in items], axis=1))

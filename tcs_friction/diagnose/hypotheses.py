@@ -20,7 +20,7 @@ from tcs_friction.diagnose.matched import excess, filter_scans, local_scans, spe
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Instance, Role, Survey, Term, instance
+from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
 SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
 CLIMB_FROM, CLIMBS = 0.13, 16  # first step of a pattern search, log units, and its rounds
@@ -136,7 +136,18 @@ def climbed(background: Background, start: Start) -> Start:
 def _judge_linear(
     background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
 ) -> Start | None:
-    return _judged(background, term, values, signal_name, looks, background.columns(probe(term, values, signal_name, 1.0)))
+    items = probe(term, values, signal_name, 1.0)
+    start = _judged(background, term, values, signal_name, looks, background.columns(items))
+    if start is None or term.place is not Place.SCALE or "torque" not in term.reads:
+        return start
+    return replace(start, gain=min(start.gain, _gain_by_motion(background, start.instance)))
+
+
+def _gain_by_motion(background: Background, item: Instance) -> float:
+    """Gain of friction that follows the load when its column is made from the motion: noise of the logged torque gives none."""
+    column = background.project(background.balance.whiten(background.column_by_motion(item)))
+    gain, amplitudes = background.gain(column[:, None])
+    return gain if amplitudes[0] > 0.0 else 0.0
 
 
 def _judged(

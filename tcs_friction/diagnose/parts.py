@@ -12,7 +12,7 @@ from threading import Lock
 
 import numpy as np
 
-from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.condition import Conditioned, Stretch
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
@@ -66,18 +66,27 @@ class Parts:
 
     def required(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque that the measured motion requires at the rotor, N m."""
-        opposing = _at(axis, Place.OPPOSING)
-        alone = [[item] for item in opposing if _alone(item)]
-        friction = [
-            *_at(axis, Place.SCALE),
-            *_at(axis, Place.LAW),
-            *(item for item in opposing if not _alone(item)),
-        ]
+        alone = [[item] for item in _at(axis, Place.OPPOSING) if _alone(item)]
         bodies = _at(axis, Place.BODY)
         total = axis.inertia * self._motion(axis, remember)[0]
-        for group in (friction, *alone, *([bodies] if bodies else [])):
+        for group in (_friction(axis), *alone, *([bodies] if bodies else [])):
             total += self._demand(axis, group, remember)
         return np.asarray(total)
+
+    def friction_by_motion(self, axis: Axis, loaded: Axis) -> np.ndarray:
+        """Friction of `loaded` where the load is the torque that the motion of `axis` requires instead of the logged one.
+
+        The noise of that is the motion's, where the logged torque's own noise is in every residual, too.
+        """
+        terms = [item for item in axis.terms if item.term.place not in (Place.DRIVE, Place.SENSOR)]
+        parts = []
+        for s, motion in zip(self.data.stretches, self._motion(axis, True)[1:], strict=True):
+            torque, demand = np.empty(len(s.t)), np.empty(len(s.t))
+            self._walk(axis, terms, s, motion, s.torque, torque)
+            torque = self.data.smoothed(torque + axis.inertia * motion[2])
+            self._walk(loaded, _friction(loaded), s, motion, torque, demand)
+            parts.append(self.data.narrowed(demand))
+        return np.concatenate(parts)
 
     def _drive(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
         """Torque at the rotor where it is compared, its rms over the train data, then at all samples of each stretch."""
@@ -127,8 +136,8 @@ class Parts:
             torques = self._drive(axis, remember)[2:] if loaded else [s.torque for s in stretches]
             parts = []
             for s, motion, torque in zip(stretches, motions, torques, strict=True):
-                built, demand = self._built(axis, group, motion), np.empty(len(s.t))
-                machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, demand)
+                demand = np.empty(len(s.t))
+                self._walk(axis, group, s, motion, torque, demand)
                 parts.append(self.data.narrowed(demand))
             return (np.concatenate(parts),)
 
@@ -145,6 +154,19 @@ class Parts:
         """Seconds between the samples that are evaluated."""
         return self.data.dt / self.data.stride
 
+    def _walk(
+        self,
+        axis: Axis,
+        terms: Sequence[Instance],
+        s: Stretch,
+        motion: np.ndarray,
+        torque: np.ndarray,
+        out: np.ndarray,
+    ) -> None:
+        """`machine.evaluate_demand` of some terms over every sample of a stretch."""
+        built = self._built(axis, terms, motion)
+        machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, out)
+
     def _built(self, axis: Axis, terms: Sequence[Instance], motion: np.ndarray) -> machine.Machine:
         """Some terms, ready to walk through a stretch's motion (3, n)."""
         start = float(motion[0, 0])
@@ -153,6 +175,12 @@ class Parts:
 
 def _at(axis: Axis, place: Place) -> list[Instance]:
     return [item for item in axis.terms if item.term.place is place]
+
+
+def _friction(axis: Axis) -> list[Instance]:
+    """The law with all that acts through it or reads what it wrote."""
+    reading = [item for item in _at(axis, Place.OPPOSING) if not _alone(item)]
+    return [*_at(axis, Place.SCALE), *_at(axis, Place.LAW), *reading]
 
 
 def _alone(item: Instance) -> bool:
