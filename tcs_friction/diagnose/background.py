@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy import fft
 
 from tcs_friction.diagnose.balance import Balance, Free, at_bound, pairs
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Role, Survey, Term, instance
+from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
 
 class Background:
@@ -42,6 +44,22 @@ class Background:
         """Change of the residual (n,) when the effect is added as it is."""
         return np.asarray(self.balance.residual(self.axis.with_effect(item), remember=False) - self.residual)
 
+    def filtered(self, item: Instance) -> np.ndarray:
+        """`column` of a linear filter from its transfer function; right but for the ends of the stretches."""
+        assert item.term.transfer is not None
+        drive = item.term.place is Place.DRIVE
+        rotor, size = self.balance.parts.rotor(self.axis)
+        driven = rotor if drive else -self.axis.inertia * self.balance.parts.acceleration(self.axis)
+        added = np.empty(len(driven))
+        for begin, end in itertools.pairwise(self.balance.ends):
+            count = fft.next_fast_len(int(end - begin), real=True)
+            s = 2j * math.pi * fft.rfftfreq(count, self.balance.data.dt)
+            spectrum = fft.rfft(driven[begin:end], count) * item.term.transfer(item.values, s)
+            added[begin:end] = fft.irfft(spectrum, count, overwrite_x=True)[: end - begin]
+        before = self.balance.scale(size)
+        after = self.balance.scale(_rms((rotor + added)[self.balance.train])) if drive else before
+        return np.asarray((after / before - 1.0) * self.residual + after * added)
+
     def column_by_motion(self, item: Instance) -> np.ndarray:
         """`column` of friction that follows the load, the load taken from the motion."""
         parts = self.balance.parts
@@ -57,6 +75,10 @@ class Background:
         gram = columns.T @ columns
         amplitudes = np.linalg.lstsq(gram, -(columns.T @ self.white), rcond=1e-12)[0]
         return float(-(columns.T @ self.white) @ amplitudes), amplitudes
+
+
+def _rms(x: np.ndarray) -> float:
+    return math.sqrt(float(np.mean(x**2)))
 
 
 def survey(balance: Balance, axis: Axis) -> Survey:

@@ -183,8 +183,11 @@ class Balance:
         `remember`: an axis near it will be asked for again.
         """
         rotor, size = self.parts.rotor(axis, remember)
-        scale = max(self.torque_size / size, 1.0) if size > 0.0 else 1.0
-        return np.asarray(scale * (rotor - self.parts.required(axis, remember)))
+        return np.asarray(self.scale(size) * (rotor - self.parts.required(axis, remember)))
+
+    def scale(self, size: float) -> float:
+        """Of a residual whose torque at the rotor has this rms, N m."""
+        return max(self.torque_size / size, 1.0) if size > 0.0 else 1.0
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""

@@ -1,8 +1,8 @@
 """Every effect of the vocabulary as a hypothesis about the torque residual, and where to start fitting it.
 
 A hypothesis is judged jointly with the base parameters: what retuning explains is projected out of residual and columns first.
-Effects linear in an amplitude are judged by their columns, others by the residual that they leave. Orders, frequencies, places
-and filters are found by matched filters first.
+Effects linear in an amplitude are judged by their columns, others by the residual that they leave. Orders, frequencies and
+places are found by matched filters first.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from tcs_friction.diagnose.background import Background, probe, survey, unit_size
 from tcs_friction.diagnose.balance import Balance, pairs
-from tcs_friction.diagnose.matched import excess, filter_scans, local_scans, spectrum
+from tcs_friction.diagnose.matched import excess, local_scans, spectrum
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -94,8 +94,6 @@ def starts(background: Background, term: Term, signal_name: str | None) -> list[
     if term.local:
         looks *= view.span / min(scan["width"] for scan in scans)
         scans = local_scans(background, scans, term)
-    if term.transfer is not None:
-        scans = filter_scans(background, scans, term)
     judge = _judge_linear if linear else _judge_directly
     judged = side_by_side(lambda values: judge(background, term, values, signal_name, looks), scans)
     found = sorted((s for s in judged if s is not None and s.gain > 0.0), key=lambda s: -s.gain)
@@ -204,7 +202,8 @@ def _judge_directly(
     background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
 ) -> Start | None:
     item = instance(term, values, signal=signal_name)
-    changed = background.project(background.balance.whiten(background.residual + background.column(item)))
+    column = background.filtered(item) if term.transfer is not None else background.column(item)
+    changed = background.project(background.balance.whiten(background.residual + column))
     gain = background.squares - float(changed @ changed)
     return Start((item,), gain, len(values), looks, np.empty((len(changed), 0)))
 

@@ -1,4 +1,4 @@
-"""Matched filters: where over position, time or frequency an effect promises most, for all orders or places at once.
+"""Matched filters: where over position or time an effect promises most, for all orders or places at once.
 
 Each order or place is normalised by what the whitening leaves of it at the speeds at which it was passed.
 """
@@ -18,8 +18,6 @@ from tcs_friction.physics.terms import Place, Role, Survey, Term
 PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
-WIDE = 1.5  # cutoffs, up to which a filter's effect counts
-PEAKS = 4  # filters that are tried exactly
 
 
 def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarray, np.ndarray, float]:
@@ -145,36 +143,3 @@ def local_scans(
                 (float(score[best]), {"centre": float(position.min() + step * (best + 0.5)), "width": width})
             )
     return [values for _, values in sorted(found, key=lambda pair: -pair[0])[:6]]
-
-
-def filter_scans(
-    background: Background, scans: Sequence[Mapping[str, float]], term: Term
-) -> list[Mapping[str, float]]:
-    """The best values for an effect that filters torque or acceleration, from their spectra.
-
-    Exact but for the ends of the stretches and for the share of the column's squares in the weighed train data, which is
-    that of the changes of what is filtered.
-    """
-    assert term.transfer is not None
-    balance, axis = background.balance, background.axis
-    drive = term.place is Place.DRIVE
-    driven = balance.parts.rotor(axis)[0] if drive else -axis.inertia * balance.parts.acceleration(axis)
-    adjoint = [balance.unwhiten(x) for x in (background.white, *background.base.T)]
-    gains, squares, changes = np.zeros(len(scans)), np.zeros(len(scans)), 0.0
-    for begin, end in zip(balance.ends[:-1], balance.ends[1:], strict=True):
-        count = int(end - begin)
-        frequency = np.fft.rfftfreq(count, balance.data.dt)
-        inside = (frequency > 0.0) & (frequency < WIDE * balance.data.cutoff)
-        s = 2j * math.pi * frequency[inside]
-        signal = np.fft.rfft(driven[begin:end])[inside] * math.sqrt(2.0 / count)
-        wanted = np.conj([np.fft.rfft(x[begin:end])[inside] * math.sqrt(2.0 / count) for x in adjoint])
-        gain = balance.whitening_gain(frequency[inside])
-        changes += float(gain @ np.abs(s * signal) ** 2)
-        for k, values in enumerate(scans):
-            column = term.transfer(values, s) * signal
-            white, *base = np.real(wanted @ column)
-            squares[k] += float(gain @ np.abs(column) ** 2)
-            gains[k] += float(np.sum(np.square(base))) - 2.0 * white
-    seen = balance.whiten(np.gradient(driven, balance.data.dt))
-    gains -= squares * float(seen @ seen) / max(changes, 1e-300)
-    return [scans[k] for k in np.argsort(gains)[::-1][:PEAKS]]

@@ -1,0 +1,154 @@
+"""What makes the search quick: maps over all cores, filters found by their spectra, torques that are not remembered."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from structure_cases import DT, axis, conditioned, settled
+
+from tcs_friction.diagnose import side_by_side
+from tcs_friction.diagnose.background import Background, survey
+from tcs_friction.diagnose.balance import Balance, Fit
+from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.hypotheses import starts
+from tcs_friction.diagnose.parts import Memory
+from tcs_friction.diagnose.selection import settle
+from tcs_friction.physics import machine
+from tcs_friction.physics.registry import effect, effects
+from tcs_friction.physics.terms import Place, Term, instance
+
+FILTERS = [term for term in effects().values() if term.transfer is not None]
+VALUES = {
+    "actuator_lag": {"time_constant": 0.02},
+    "transport_delay": {"delay": 0.013},
+    "flexible_mode": {"frequency": 9.0, "damping": 0.05, "inertia_ratio": 0.3},
+}
+
+
+def test_a_map_keeps_its_order_and_runs_on_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    together = threading.Barrier(2, timeout=10.0)
+    inner: list[set[str]] = []
+
+    def work(x: int) -> int:
+        together.wait()
+        seen: set[str] = set()
+        side_by_side.side_by_side(lambda _: seen.add(threading.current_thread().name), range(5))
+        inner.append(seen)
+        return x * x
+
+    assert side_by_side.side_by_side(work, range(4)) == [0, 1, 4, 9]
+    assert all(len(seen) == 1 for seen in inner)
+
+
+def test_an_error_in_a_map_is_the_caller_s() -> None:
+    with pytest.raises(ZeroDivisionError):
+        side_by_side.side_by_side(lambda x: 1 // x, [1, 0, 2])
+
+
+def test_what_is_not_to_be_remembered_is_made_again() -> None:
+    memory, made = Memory(100.0), []
+
+    def make() -> tuple[np.ndarray, ...]:
+        made.append(1)
+        return (np.zeros(5),)
+
+    for remember, total in ((False, 1), (False, 2), (True, 3), (True, 3), (False, 3)):
+        memory.get("key", make, remember)
+        assert len(made) == total
+    assert memory.held == 40
+
+
+@pytest.mark.parametrize("term", FILTERS, ids=lambda term: term.id)
+def test_a_transfer_is_what_the_kernel_does(term: Term) -> None:
+    """At 3 Hz: the amplitude that the kernel adds, once its transient is over."""
+    step, frequency = 1e-4, 3.0
+    t = np.arange(0.0, 4.0, step)
+    w = 2.0 * math.pi * frequency
+    wave = np.sin(w * t)
+    item = instance(term, VALUES[term.id])
+    plain = axis()
+    motion, out = np.stack([-np.cos(w * t) / w**2, -np.cos(w * t) / w, wave]), np.empty(len(t))
+    if term.place is Place.BODY:
+        motion[0], motion[1] = -wave / w**2, -np.cos(w * t) / w
+    built = machine.build(plain, step, terms=[item])
+    signals = np.full((1, len(t)), 20.0)
+    if term.place is Place.DRIVE:
+        machine.evaluate_drive(built, t, 0.0 * motion, wave, signals, out)
+        out -= wave
+    else:
+        machine.evaluate_demand(built, t, motion, wave, signals, 1e-6, out)
+        out /= plain.inertia
+    late = t > 2.0
+    got = 2.0 * np.mean(out[late] * np.exp(-1j * w * t[late])) * 1j
+    assert term.transfer is not None
+    assert got == pytest.approx(complex(term.transfer(item.values, np.array([1j * w]))[0]), abs=2e-3)
+
+
+def test_lean_loops_agree_with_the_full_one() -> None:
+    data = conditioned(np.random.default_rng(1), seconds=20.0)
+    s = data.stretches[0]
+    full = axis().with_effect(instance(effect("actuator_lag"), {"time_constant": 0.05}))
+    full = full.with_effect(instance(effect("flexible_mode"), VALUES["flexible_mode"]))
+    motion, out = np.stack([s.position, s.velocity, s.acceleration]), np.empty((len(s.t), 8))
+
+    def built(places: set[Place]) -> machine.Machine:
+        terms = [item for item in full.terms if item.term.place in places]
+        return machine.build(full, DT, signals=data.names, position=float(s.position[0]), terms=terms)
+
+    everything = built(set(Place))
+    machine.evaluate(everything, s.t, *motion, s.torque, s.signals, 1e-6, out)
+    rotor, demand = np.empty(len(s.t)), np.empty(len(s.t))
+    machine.evaluate_drive(built({Place.DRIVE}), s.t, motion, s.torque, s.signals, rotor)
+    machine.evaluate_demand(built({Place.LAW, Place.BODY}), s.t, motion, rotor, s.signals, 1e-6, demand)
+    assert rotor == pytest.approx(out[:, machine.ROTOR])
+    assert demand + full.inertia * s.acceleration == pytest.approx(out[:, machine.REQUIRED])
+
+
+@pytest.mark.parametrize("term", FILTERS, ids=lambda term: term.id)
+def test_a_filter_s_column_by_its_transfer_is_that_of_the_kernel(term: Term) -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(2)))
+    background = Background(balance, fit.axis, fit.free)
+    slow = {"frequency": 1.0} if term.id == "flexible_mode" else {}  # a mode that this slow motion wakes
+    item = instance(term, VALUES[term.id] | slow)
+    columns = (background.column(item), background.filtered(item))
+    exact, quick = (ndimage.uniform_filter1d(x, 20)[2000:-2000] for x in columns)
+    assert np.std(quick - exact) < 0.05 * np.std(exact)
+
+
+def test_noise_of_the_torque_is_no_load_dependence() -> None:
+    """All noise is in the logged torque, which the effect could make smaller; a gravity load makes it identifiable."""
+    term = effect("load_dependent_friction")
+    for coefficient in (0.0, 0.05):
+        data = conditioned(np.random.default_rng(9))
+        s = data.stretches[0]
+        gravity = 100.0 * np.sin(s.position)
+        load = 900.0 * s.acceleration + 500.0 * s.velocity + 60.0 * np.sign(s.velocity) + gravity
+        torque = s.torque + gravity + coefficient * np.abs(load) * np.sign(s.velocity)
+        balance, fit = settled_with_gravity(replace(data, stretches=(replace(s, torque=torque),)))
+        found = starts(Background(balance, fit.axis, fit.free), term, None)
+        if coefficient == 0.0:
+            assert all(start.gain < 30.0 for start in found)
+        else:
+            assert found[0].gain > 1000.0
+            assert found[0].instance.values["coefficient"] == pytest.approx(coefficient, rel=0.35)
+
+
+def settled_with_gravity(data: Conditioned) -> tuple[Balance, Fit]:
+    believed = axis().with_effect(instance(effect("imbalance"), {"amplitude": 100.0, "phase": 0.0}))
+    balance = Balance(data)
+    return balance, settle(balance, believed)
+
+
+def test_a_search_looks_at_the_survey_of_the_recording() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(0), seconds=60.0))
+    view = survey(balance, fit.axis)
+    assert view.duration == pytest.approx(60.0 - DT)
+    assert view.travel[0] < view.travel[1]
+    assert view.slow < view.fast
