@@ -153,7 +153,7 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     for item in start.instances:
         widened = _widened(balance, widened, item)
     free = balance.free(widened)
-    fit = balance.fit(widened, free, prior(free), iterations=6, tolerance=0.5)
+    fit = balance.fit(widened, free, prior(free), iterations=6, tolerance=0.5, needed=base.squares)
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
