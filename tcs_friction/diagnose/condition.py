@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import fft, ndimage, signal
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording.recording import Recording
@@ -111,11 +111,12 @@ def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> l
     extended = np.concatenate([2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]])
     trend = np.linspace(extended[0], extended[-1], len(extended))
     slope = (extended[-1] - extended[0]) / ((len(extended) - 1) * dt)
-    frequency = np.fft.rfftfreq(len(extended), dt)
-    spectrum = np.fft.rfft(extended - trend) / (1.0 + (frequency / cutoff) ** FILTER_ORDER)
+    size = fft.next_fast_len(len(extended), real=True)
+    frequency = fft.rfftfreq(size, dt)
+    spectrum = fft.rfft(extended - trend, size) / (1.0 + (frequency / cutoff) ** FILTER_ORDER)
     omega = 2j * np.pi * frequency
     inside = slice(pad, pad + n)
-    results = [np.fft.irfft(spectrum * omega**k, len(extended))[inside] for k in range(derivatives + 1)]
+    results = [fft.irfft(spectrum * omega**k, size)[inside] for k in range(derivatives + 1)]
     results[0] = results[0] + trend[inside]
     if derivatives:
         results[1] = results[1] + slope
