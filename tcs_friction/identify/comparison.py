@@ -75,5 +75,5 @@ def compare_laws(
 def _row(item: Identification) -> Row:
     count = len(item.fit.t)
     free = len(item.correlation[0])
-    bic = count * math.log(max(2.0 * item.cost / count, 1e-300)) + free * math.log(count)
+    bic = count * math.log(max(item.rmse.train**2, 1e-300)) + free * math.log(count)
     return Row(item.law, item.rmse.held_out, item.rmse.train, len(item.parameters), bic, item.seconds)

@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from tcs_friction.identify.determined import Verdicts
-from tcs_friction.identify.prediction import NUISANCES, Predictor, Sharpened
+from tcs_friction.identify.prediction import NUISANCES, Predictor
 from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Errors, Estimate, Fit
+from tcs_friction.identify.sharpen import Sharpened
 from tcs_friction.identify.uncertainty import block_bootstrap, correlations, cramer_rao, sandwich
 from tcs_friction.physics.terms import linear_unit
 
@@ -98,7 +99,7 @@ class Conclusions:
         if polished:
             part = self.problem.masked(training)
             residual = refit(part, self.refined.unknowns, self.verdicts.space, self.loss, 8).residual
-        counted = self.problem.weights > 0.0
+        counted = self.problem.explained
         return Errors(rms(residual[training & counted]), rms(residual[~training & counted]))
 
     def fit(self) -> Fit:

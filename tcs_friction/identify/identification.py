@@ -13,15 +13,15 @@ from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
-from tcs_friction.identify.models import AnyModel, LuGreModel
+from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.operators import SwarmOptions
-from tcs_friction.identify.prediction import Sharpened, resolvable, sharpen
-from tcs_friction.identify.problem import Problem, pose
+from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.refine import Outcome
 from tcs_friction.identify.result import Identification
+from tcs_friction.identify.sharpen import Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.uncertainty import noise_floor
 from tcs_friction.physics.axis import Axis
@@ -107,6 +107,7 @@ def identify(
     cost = _cost(problem, method, free_inertia, free_offset, start, options)
     found = _search(cost, method, seed, options, progress, cancel)
     unknowns = cost.unknowns(found.position)
+    problem = settled(problem, unknowns)
     space = space_of(problem, free_inertia, free_offset)
     polish = method == "default" and found.outcome is not Outcome.CANCELLED
     verdicts = judge(problem, unknowns, space, believed, options.loss, polish, cancel)
@@ -115,7 +116,7 @@ def identify(
         verdicts, sharp = _sharpened(problem, verdicts, options.loss, cancel)
     refined = verdicts.refined
     shift = None
-    if polish and motion.bandwidth > 0.0 and isinstance(problem.model, AnyModel):
+    if polish and sharp is None and motion.bandwidth > 0.0 and isinstance(problem.model, AnyModel):
         wider = prepare(data, WIDER * motion.bandwidth, despike=options.loss == "huber")
         shift = _shifted(pose(axis, wider), verdicts, options.loss)
     concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, shift)
@@ -196,21 +197,19 @@ def _sharpened(
     problem: Problem, verdicts: Verdicts, loss: str, cancel: Callable[[], bool]
 ) -> tuple[Verdicts, Sharpened | None]:
     """The fit of predictions, where it can be made and does not contradict that of torques."""
-    fine, model, size = problem.fine, problem.model, problem.law_size + 2
-    unknowns = verdicts.refined.unknowns.copy()
-    if fine is None or not isinstance(model, LuGreModel):
-        return verdicts, None
-    if not resolvable(fine, model, unknowns[: size - 2], unknowns[size - 2]):
-        return verdicts, None
-    before = rms(verdicts.refined.residual)
-    if before < NOISELESS * float(np.std(problem.target)):
+    fine, size = problem.fine, problem.law_size + 2
+    unknowns, counted = verdicts.refined.unknowns.copy(), verdicts.refined.weights > 0.0
+    before = rms(verdicts.refined.residual[counted])
+    if fine is None or before < NOISELESS * float(np.std(problem.target)):
         return verdicts, None
     speed = float(np.abs(problem.motion.velocity).max())
-    sharp = sharpen(fine, model, unknowns[:size], verdicts.space.first(size), before, speed, loss, cancel)
+    sharp = sharpen(fine, unknowns[:size], verdicts.space.first(size), before, speed, loss, cancel)
+    if sharp is None:
+        return verdicts, None
     unknowns[:size] = sharp.unknowns[:size]
     torque, jacobian = problem.linearised(unknowns)
     residual = problem.target - torque
-    if not (rms(residual) < WORSE * before and sharp.sound):
+    if not (rms(residual[counted]) < WORSE * before and sharp.sound):
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     cost = 0.5 * float(verdicts.refined.weights @ residual**2)
     refined = replace(verdicts.refined, unknowns=unknowns, residual=residual, jacobian=jacobian, cost=cost)

@@ -17,6 +17,9 @@ PROLOGUE = (
     24  # samples of steady motion that bring a law's memory to sliding before a stretch that starts in motion
 )
 
+STEP = 1e-3  # relative, of central differences: torque that jumps moves in steps of samples, which shorter ones would show
+FORGOTTEN = 1e-4  # of the torque's range: less of it depends on what was before a stretch
+
 SLIDING = 0.5  # of the usual torque, at least, in a stretch that starts with sliding friction
 
 
@@ -52,6 +55,11 @@ def depends_on_law(axis: Axis) -> bool:
     return any(item.term.place in (Place.SCALE, Place.SENSOR) for item in axis.effects)
 
 
+def memoryless(axis: Axis) -> bool:
+    """Whether the friction law has no state, so that at rest it only bounds the torque."""
+    return axis.friction.term.state_size(axis.friction.values, 1.0) == 0
+
+
 def evaluated(axis: Axis, motion: Motion) -> np.ndarray:
     """`machine.evaluate` (n, 8) over every stretch on its own; one that starts sliding starts with a bristle that is."""
     return Walk(axis, motion).run()
@@ -66,8 +74,8 @@ class Walk:
         self._signals = np.ascontiguousarray(
             np.vstack([temperature, *(motion.exogenous[name] for name in names)])
         )
-        self._motion = motion
-        self._slides = start_sliding(axis, motion)
+        self.motion = motion
+        self._ways = first_directions(axis, motion)
         self._machine = compiled.build(axis, 1.0 / motion.rate, 1, names)
         live = (self._machine.states, self._machine.body, self._machine.motion)
         self._fresh = [(array, array.copy()) for array in live]
@@ -76,16 +84,19 @@ class Walk:
         self._law = self._machine.parameters[start : start + len(axis.friction.term.parameters)]
         self._out = np.empty((len(motion), 8))
 
-    def run(self, values: np.ndarray | None = None) -> np.ndarray:
-        """(n, 8), valid until the next run; `values` of the law in the order of its declaration."""
-        motion, machine = self._motion, self._machine
+    def run(self, values: np.ndarray | None = None, ways: np.ndarray | None = None) -> np.ndarray:
+        """(n, 8), valid until the next run; `values` of the law in the order of its declaration.
+
+        ways (s,): 1 or -1 for stretches before which the axis slid that way, 0 for others; by default as the recording has it.
+        """
+        motion, machine = self.motion, self._machine
         if values is not None:
             self._law[:] = values
-        for part, slides in zip(motion.stretches, self._slides, strict=True):
+        for part, way in zip(motion.stretches, self._ways if ways is None else ways, strict=True):
             for array, fresh in self._fresh:
                 array[:] = fresh
-            if slides:
-                _slide(machine, motion, part.start, self._signals)
+            if way:
+                _slide(machine, motion, part.start, way, self._signals)
             compiled.evaluate(
                 machine, motion.t[part], motion.position[part], motion.velocity[part],
                 motion.acceleration[part], motion.torque[part], self._signals[:, part], motion.resolution,
@@ -110,9 +121,12 @@ def first_directions(axis: Axis, motion: Motion) -> np.ndarray:
     return np.sign(motion.velocity[motion.bounds[:-1]]) * start_sliding(axis, motion)
 
 
-def _slide(machine: compiled.Machine, motion: Motion, start: int, signals: np.ndarray) -> None:
-    """Run steady motion at the stretch's first velocity up to its first position, long enough for any bristle to saturate."""
-    velocity = motion.velocity[start]
+def _slide(machine: compiled.Machine, motion: Motion, start: int, way: float, signals: np.ndarray) -> None:
+    """Run steady motion up to the stretch's first position, that way and long enough for any bristle to saturate.
+
+    Its speed is that of the stretch's start, if that is known.
+    """
+    velocity = way * max(abs(motion.velocity[start]), motion.resolution)
     distance = 4.0 * max(float(np.ptp(motion.position)), abs(velocity) / motion.rate)
     t = motion.t[start] + np.linspace(-distance / abs(velocity), -1e-9, PROLOGUE)
     position = motion.position[start] + (t - motion.t[start]) * velocity
@@ -192,6 +206,20 @@ class AnyModel:
         moving: np.ndarray = out[:, compiled.REQUIRED] - out[:, compiled.OPPOSED]
         return moving - out[:, compiled.MOVED] * self._acceleration
 
+    def unsure(self, values: np.ndarray) -> np.ndarray:
+        """(n,) Whether the torque depends on which way the axis slid before a stretch, in at most its first fifth."""
+        law, stretches = np.clip(values, *self._bounds), self._walk.motion.stretches
+        one, other = (
+            self._walk.run(law, np.full(len(stretches), way))[:, compiled.REQUIRED].copy()
+            for way in (1.0, -1.0)
+        )
+        result = np.zeros(len(one), dtype=bool)
+        for part in stretches:
+            first = slice(part.start, part.start + (part.stop - part.start) // 5)
+            apart = np.flatnonzero(np.abs(one[first] - other[first]) > FORGOTTEN * np.ptp(one))
+            result[part.start : part.start + (apart[-1] + 1 if len(apart) else 0)] = True
+        return result
+
     def column(self, k: int, values: np.ndarray) -> np.ndarray:
         """(n,) derivative by a parameter that the torque is proportional to, whatever the others are."""
         if k not in self._columns:
@@ -209,10 +237,13 @@ class AnyModel:
             if k in self._linear:
                 slopes[:, k] = self.column(k, values)
                 continue
-            step = max(1e-5 * abs(values[k]), self._least[k])
-            moved = values.copy()
-            moved[k] += step if values[k] + step <= self._bounds[1][k] else -step
-            slopes[:, k] = (self.torque(moved, initial) - torque) / (moved[k] - values[k])
+            step = max(STEP * abs(values[k]), self._least[k])
+            high, low = values.copy(), values.copy()
+            high[k], low[k] = (
+                min(values[k] + step, self._bounds[1][k]),
+                max(values[k] - step, self._bounds[0][k]),
+            )
+            slopes[:, k] = (self.torque(high, initial) - self.torque(low, initial)) / (high[k] - low[k])
         return torque, slopes, None
 
 

@@ -11,13 +11,14 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.signal import butter, sosfiltfilt, welch
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
+LARGEST_SHARE = 0.4  # the same, for one that somebody asks for
 LEAST_SAMPLES = 32  # of a segment that is worth filtering
 SAMPLES_PER_CYCLE = (
     32.0  # of the bandwidth: as many as a bristle's step needs between which velocity runs linearly
@@ -26,6 +27,7 @@ UNSURE = 0.02  # of the range of positions: travel after a start within which a 
 SPIKE_WINDOW = 9  # samples
 SPIKE = 8.0  # robust standard deviations
 FILTER_ORDER = 4
+EDGE = 1.5  # cycles of the low pass' bandwidth over which it mixes what is apart
 UNIFORM = 0.01  # relative jitter of the steps above which samples are moved onto a regular grid
 
 
@@ -210,20 +212,49 @@ def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None, d
         )
     density = float(np.median([noise_density(columns["position"], rate) for _, columns in grids]))
     chosen = bandwidth or min(useful_bandwidth(columns["position"], rate, density) for _, columns in grids)
-    chosen = min(chosen, 0.4 * rate)
-    parts = [(k, smooth(columns, rate, chosen)) for k, columns in grids]
-    joined = {name: np.concatenate([columns[name] for _, columns in parts]) for name in parts[0][1]}
-    bounds = np.concatenate([[0], np.cumsum([len(columns["t"]) for _, columns in parts])]).astype(np.int64)
-    noise = np.sqrt(density * (2.0 * np.pi) ** 2 * chosen**3 / 3.0)
+    chosen = min(chosen, LARGEST_SHARE * rate)
+    notes.append(f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz")
+    return _smoothed(grids, rate, chosen, density, tuple(notes))
+
+
+Columns = Mapping[str, np.ndarray]
+
+
+def _smoothed(
+    grids: Sequence[tuple[int, Columns]],
+    rate: float,
+    bandwidth: float,
+    density: float,
+    notes: tuple[str, ...],
+) -> Motion:
+    """The motion behind a low pass at that bandwidth (Hz), of stretches on a regular grid and which recording they are from."""
+    parts = [smooth(columns, rate, bandwidth) for _, columns in grids]
+    joined = {name: np.concatenate([columns[name] for columns in parts]) for name in parts[0]}
+    bounds = np.concatenate([[0], np.cumsum([len(columns["t"]) for columns in parts])]).astype(np.int64)
+    noise = np.sqrt(density * (2.0 * np.pi) ** 2 * bandwidth**3 / 3.0)
     known = ("t", "position", "velocity", "acceleration", "torque", "raw_position", "raw_torque")
     exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
-    notes.append(f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz")
     return Motion(
         joined["t"], joined["position"], joined["velocity"], joined["acceleration"], joined["torque"],
-        bounds, rate, chosen, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
-        tuple(k for k, _ in parts), tuple(notes), raw=np.vstack([joined["raw_position"], joined["raw_torque"]]),
+        bounds, rate, bandwidth, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
+        tuple(k for k, _ in grids), notes, raw=np.vstack([joined["raw_position"], joined["raw_torque"]]),
         density=density,
     )  # fmt: skip
+
+
+def resmoothed(motion: Motion, bandwidth: float) -> Motion:
+    """The same recordings behind another low pass, Hz, at most what their rate allows. Raw samples must be known."""
+    position, torque = np.asarray(motion.raw)
+    columns = {"t": motion.t, "position": position, "torque": torque, **motion.exogenous}
+    if motion.temperature is not None:
+        columns["temperature"] = motion.temperature
+    grids = [
+        (source, {name: values[part] for name, values in columns.items()})
+        for part, source in zip(motion.stretches, motion.sources, strict=True)
+    ]
+    return _smoothed(
+        grids, motion.rate, min(bandwidth, LARGEST_SHARE * motion.rate), motion.density, motion.notes
+    )
 
 
 def _regular(recording: Recording, part: slice, rate: float) -> dict[str, np.ndarray]:
@@ -286,7 +317,7 @@ def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> 
     """Zero-phase low pass of every signal, velocity and acceleration by central differences; filtered ends are left out."""
     sections = low_pass(bandwidth, rate)
     length = len(columns["t"])
-    edge = min(int(1.5 * rate / bandwidth), length // 4)
+    edge = min(int(EDGE * rate / bandwidth), length // 4)
     padding = min(3 * edge, length - 1)
     result = {name: np.asarray(values) for name, values in columns.items()}
     for name in columns:
@@ -301,16 +332,38 @@ def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> 
 def coarse(motion: Motion, stride: int) -> tuple[np.ndarray, Motion]:
     """Every stride-th sample of each stretch: their indices, and the motion of them alone."""
     kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
+    chosen = selected(motion, kept, motion.sources)
+    return np.concatenate(kept), replace(chosen, rate=motion.rate / stride, raw=None)
+
+
+def windows(motion: Motion, samples: int, length: int) -> Motion:
+    """The same motion or, where it has more samples, windows of that length spread over it, about so many samples."""
+    if len(motion) <= samples:
+        return motion
+    apart = max(length, round(len(motion) / max(1, samples // length)))
+    pairs = [
+        (np.arange(a, min(a + length, part.stop)), source)
+        for part, source in zip(motion.stretches, motion.sources, strict=True)
+        for a in range(part.start, part.stop, apart)
+    ]
+    kept, sources = zip(*(pair for pair in pairs if len(pair[0]) >= LEAST_SAMPLES), strict=True)
+    return selected(motion, kept, sources)
+
+
+def selected(motion: Motion, kept: Sequence[np.ndarray], sources: tuple[int, ...]) -> Motion:
+    """The motion of some samples alone: indices of each of its stretches, and which recording that is from."""
     index = np.concatenate(kept)
-    bounds = np.concatenate([[0], np.cumsum([len(k) for k in kept])]).astype(np.int64)
     columns = {
         name: getattr(motion, name)[index] for name in ("t", "position", "velocity", "acceleration", "torque")
     }
-    temperature = None if motion.temperature is None else motion.temperature[index]
-    exogenous = {name: values[index] for name, values in motion.exogenous.items()}
-    rate = motion.rate / stride
-    return index, replace(
-        motion, **columns, bounds=bounds, rate=rate, temperature=temperature, exogenous=exogenous, raw=None
+    return replace(
+        motion,
+        **columns,
+        bounds=np.cumsum([0, *(len(k) for k in kept)], dtype=np.int64),
+        temperature=None if motion.temperature is None else motion.temperature[index],
+        exogenous={name: values[index] for name, values in motion.exogenous.items()},
+        sources=sources,
+        raw=None if motion.raw is None else motion.raw[:, index],
     )
 
 
@@ -322,4 +375,14 @@ def unsure_start(motion: Motion) -> np.ndarray:
     for part in motion.stretches:
         first = slice(part.start, part.start + (part.stop - part.start) // 5)
         result[first] = reached[first] - reached[part.start] < limit
+    return result
+
+
+def at_rest(motion: Motion) -> np.ndarray:
+    """(n,) True where the direction of motion is not known, or so near that the low pass mixes it with torque at rest."""
+    result = np.abs(motion.velocity) < motion.resolution
+    band = max(motion.bandwidth, motion.filtered)
+    reach = int(EDGE * motion.rate / band) if band > 0.0 else 0
+    for part in motion.stretches:
+        result[part] = maximum_filter1d(result[part], 2 * reach + 1)
     return result

@@ -1,4 +1,4 @@
-"""The last end of a fit: parameters with which the next position is predicted best.
+"""How well the next position is predicted, as a least-squares problem.
 
 Least squares of torque against a measured motion is biased where the motion itself is noisy: encoder noise makes the
 acceleration too large, and disturbance torque that the controller answers is correlated with the motion it causes. The errors of
@@ -8,34 +8,28 @@ that their scatter says how well the parameters are known. Timing of the torque 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tcs_friction.identify import forced_kernel
 from tcs_friction.identify import prediction_kernel as kernel
-from tcs_friction.identify.models import LuGreModel
-from tcs_friction.identify.refine import Refined, Space, refine
+from tcs_friction.identify.models import LuGreModel, Model
+from tcs_friction.identify.refine import Space
 
-MOST_SAMPLES, WINDOW = 400_000, 20_000  # samples that are predicted, and windows of a recording that has more
-LEAST_WINDOW = 100  # samples
+LEAST_RUN = 100  # samples that follow each other, to predict one from those before
 TUNING_SAMPLES = 40_000  # of the disturbance's spectrum before the fit
 TUNING_ROUNDS = 16
 TUNING_SHIFT = 4e-3  # s
-ROUNDS = 3  # of fits, each with the weights that follow from the one before
 NUISANCES = (
     4  # unknowns beyond law, inertia and offset: delay, rate and size of the disturbance, size of the drift
 )
 REST = NUISANCES + 2
-LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
-SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
 STIFFEST = 0.5  # rad per sample: bristles that swing faster are not resolved
-SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
-WHITE = 3.5  # standard deviations of the correlation of neighbouring errors, if there is none
+JUMP = 0.05  # of its range: friction that changes by more within a sample is not resolved
 LARGEST, SMALLEST = 1e60, 1e-60
 LONGEST_DELAY = 0.05  # s
-START_RATE = 30.0  # 1/s, of the disturbance
-DRIFT = 0.1  # times the disturbance's size, to start with
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +37,8 @@ class Fine:
     """What predictions are made from, at every sample: position rad and torque N m (n,), bounds (s + 1,), step s.
 
     The torque is the one at the rotor less believed effects, without the believed delay (s); density: rad^2/Hz of the
-    encoder's noise.
+    encoder's noise. `model` walks through a motion that has these samples at `places` (n,) with `velocity` rad/s (n,),
+    `shaken` through the same with the velocity moved by `jitter` rad/s (n,), to and fro so that the way stays the same.
     """
 
     position: np.ndarray
@@ -52,58 +47,35 @@ class Fine:
     dt: float
     density: float
     delay: float
+    model: Model
+    shaken: Model
+    places: np.ndarray
+    velocity: np.ndarray
+    jitter: np.ndarray
 
-    def windows(self, samples: int, length: int) -> Fine:
-        """The same, or, where there are more samples, windows of that length spread over it, about so many samples."""
-        count = len(self.position)
-        if count <= samples:
-            return self
-        wanted = max(1, samples // length)
-        places = [
-            np.arange(a, min(a + length, stop))
-            for start, stop in zip(self.bounds[:-1], self.bounds[1:], strict=True)
-            for a in range(int(start), int(stop), max(length, round(count / wanted)))
+    def only(self, mask: np.ndarray) -> Fine | None:
+        """The same with those samples (n,) alone of which enough follow each other; None of none."""
+        cuts = np.union1d(np.flatnonzero(np.diff(mask)) + 1, self.bounds[1:-1])
+        runs = [
+            part for part in np.split(np.arange(len(mask)), cuts) if mask[part[0]] and len(part) >= LEAST_RUN
         ]
-        kept = [place for place in places if len(place) >= LEAST_WINDOW]
-        index = np.concatenate(kept)
-        bounds = np.cumsum([0, *(len(place) for place in kept)])
-        return replace(self, position=self.position[index], torque=self.torque[index], bounds=bounds)
+        if not runs:
+            return None
+        index = np.concatenate(runs)
+        columns = {
+            name: getattr(self, name)[index]
+            for name in ("position", "torque", "places", "velocity", "jitter")
+        }
+        return replace(self, **columns, bounds=np.cumsum([0, *(len(part) for part in runs)]))
 
 
-@dataclass(frozen=True, eq=False)
-class Sharpened:
-    """A fit of predictions.
-
-    unknowns (k + 6,): law, inertia, offset, delay s, rate 1/s and size of the disturbance, size of the drift, both rad/s^2 rms.
-    fit: of the errors of prediction.
-    """
-
-    unknowns: np.ndarray
-    space: Space
-    fit: Refined
-    evaluations: int
-    aim: Predictor
-
-    @property
-    def delay(self) -> float:
-        """s by which the torque acts after its stamp."""
-        return float(self.unknowns[-NUISANCES])
-
-    @property
-    def sound(self) -> bool:
-        """Whether the errors of prediction are as large as the filter expects, and white: else it lacks something."""
-        errors = self.fit.residual
-        power = float(np.mean(errors**2))
-        if not SOUND[0] ** 2 < power < SOUND[1] ** 2:
-            return False
-        return bool(abs(float(np.mean(errors[1:] * errors[:-1]))) < WHITE * power / np.sqrt(len(errors)))
-
-
-class Predictor:
+class Predictor(ABC):
     """Errors of prediction over their standard deviations as a least-squares problem."""
 
-    def __init__(self, fine: Fine, model: LuGreModel, logarithmic: np.ndarray, speed: float) -> None:
-        self._fine, self._model, self._logarithmic = fine, model, logarithmic
+    STEP = 1e-3  # relative, of differences that stand for derivatives
+
+    def __init__(self, fine: Fine, space: Space, speed: float) -> None:
+        self.fine, self._space = fine, space
         start = fine.position[fine.bounds[:-1]]
         lengths = np.diff(fine.bounds)
         self._position = fine.position - np.repeat(start, lengths)
@@ -117,22 +89,35 @@ class Predictor:
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self.evaluations = 0
 
+    @abstractmethod
+    def _filter(
+        self,
+        laws: np.ndarray,
+        rest: np.ndarray,
+        bounds: np.ndarray,
+        errors: np.ndarray,
+        variances: np.ndarray,
+    ) -> None:
+        """Fill errors and variances (m, n) for laws (m, k) and the rest (m, 7): inertia, offset, delay, rate and size of the
+        disturbance, encoder noise, size of the drift."""
+
+    def resolves(self, unknowns: np.ndarray) -> bool:  # noqa: ARG002
+        """Whether the recording's steps are short against the axis' own motion; unknowns (k + 2,): law, inertia, offset."""
+        return True
+
     def predicted(
         self, unknowns: np.ndarray, encoder: np.ndarray | float, samples: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Errors and variances (m, n) of candidates (m, k + 6) with encoder noise (m,) rad rms; `samples`: of the first alone."""
-        laws = np.array([self._model.as_lugre(values) for values in unknowns[:, :-REST]])
         rest, drift = unknowns[:, -REST:-1], unknowns[:, -1]
-        candidates = np.column_stack([laws, rest, np.broadcast_to(encoder, len(unknowns)), drift])
-        bounds = self._fine.bounds
+        rest = np.column_stack([rest, np.broadcast_to(encoder, len(unknowns)), drift])
+        bounds = self.fine.bounds
         if samples is not None and samples < bounds[-1]:
             bounds = np.array([*bounds[bounds < samples - 2], samples])
         self.evaluations += len(unknowns)
         errors = np.empty((len(unknowns), int(bounds[-1])))
         variances = np.empty_like(errors)
-        kernel.predict(
-            self._position, self._torque, self._impulse, bounds, self._fine.dt, candidates, errors, variances
-        )
+        self._filter(unknowns[:, :-REST], rest, bounds, errors, variances)
         return _bounded(errors), np.maximum(_bounded(variances), SMALLEST)
 
     def weigh(self, unknowns: np.ndarray) -> None:
@@ -145,27 +130,30 @@ class Predictor:
         return self.linearised(unknowns)[0]
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivatives (n, k + 6) by central differences: all candidates cost little more than one."""
+        """The same, and its derivatives (n, k + 6) by central differences, where unknowns are free."""
         if self._last is not None and (self._last[0] == unknowns).all():
             return self._last[1]
-        step = self._steps(unknowns)
-        high, low = unknowns + np.diag(step), unknowns - np.diag(step)
-        late = len(unknowns) - NUISANCES
-        low[late, late] = max(low[late, late], 0.0)
-        count = len(unknowns)
+        moved = np.flatnonzero(self._space.free)
+        step = np.diag(self._steps(unknowns))[moved]
+        high, low = (
+            np.clip(unknowns + side * step, self._space.lower, self._space.upper) for side in (1.0, -1.0)
+        )
         errors = self.predicted(np.vstack([unknowns, high, low]), self.encoder)[0]
-        apart = (np.diag(high) - np.diag(low))[:, None]
-        slopes = (errors[1 + count :] - errors[1 : 1 + count]) / (apart * self._deviation)
-        self._last = unknowns.copy(), (-errors[0] / self._deviation, slopes.T)
+        apart = (high - low)[np.arange(len(moved)), moved][:, None]
+        slopes = np.zeros((len(errors[0]), len(unknowns)))
+        slopes[:, moved] = (
+            (errors[1 + len(moved) :] - errors[1 : 1 + len(moved)]) / (apart * self._deviation)
+        ).T
+        self._last = unknowns.copy(), (-errors[0] / self._deviation, slopes)
         return self._last[1]
 
     def _steps(self, unknowns: np.ndarray) -> np.ndarray:
         torque, speed = self._scale
-        step = 1e-3 * np.abs(unknowns)
-        linear = ~self._logarithmic[:-REST]
+        step = self.STEP * np.abs(unknowns)
+        linear = ~self._space.logarithmic[:-REST]
         step[:-REST][linear] = np.maximum(step[:-REST][linear], 1e-4 * torque / speed)
         step[1 - REST] = 1e-4 * torque
-        step[-NUISANCES] = 0.02 * self._fine.dt
+        step[-NUISANCES] = 0.02 * self.fine.dt
         return step
 
     def tune(self, unknowns: np.ndarray) -> np.ndarray:
@@ -194,45 +182,80 @@ def _bounded(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def resolvable(fine: Fine, model: LuGreModel, law: np.ndarray, inertia: float) -> bool:
-    """Whether steps of the recording are short against the bristles' own swing and decay."""
-    values = model.as_lugre(law)
-    swing, decay = np.sqrt(values[3] / inertia), (values[4] + values[5]) / inertia
-    return bool(max(swing, decay) * fine.dt < STIFFEST)
+class LuGrePredictor(Predictor):
+    """An axis with LuGre friction, whose bristle is predicted with its motion."""
+
+    def __init__(self, fine: Fine, model: LuGreModel, space: Space, speed: float) -> None:
+        super().__init__(fine, space, speed)
+        self._model = model
+
+    def _filter(
+        self,
+        laws: np.ndarray,
+        rest: np.ndarray,
+        bounds: np.ndarray,
+        errors: np.ndarray,
+        variances: np.ndarray,
+    ) -> None:
+        candidates = np.column_stack([np.array([self._model.as_lugre(values) for values in laws]), rest])
+        kernel.predict(
+            self._position, self._torque, self._impulse, bounds, self.fine.dt, candidates, errors, variances
+        )
+
+    def resolves(self, unknowns: np.ndarray) -> bool:
+        """Whether steps are short against the bristles' own swing and decay."""
+        values, inertia = self._model.as_lugre(unknowns[:-2]), unknowns[-2]
+        swing, decay = np.sqrt(values[3] / inertia), (values[4] + values[5]) / inertia
+        return bool(max(swing, decay) * self.fine.dt < STIFFEST)
 
 
-def sharpen(
-    fine: Fine, model: LuGreModel, unknowns: np.ndarray, space: Space, residual: float, speed: float, loss: str,
-    cancel: Callable[[], bool],
-) -> Sharpened:  # fmt: skip
-    """Fit predictions, starting from a fit of torques.
+class ForcedPredictor(Predictor):
+    """An axis with any law: its friction is computed along the measured motion and drives the axis like any known torque."""
 
-    unknowns, space: law, inertia and offset (k + 2,); residual: rms of the fit before, N m; speed: the highest, rad/s.
-    """
-    fine = fine.windows(MOST_SAMPLES, WINDOW)
-    wider = _widened(space)
-    predictor = Predictor(fine, model, wider.logarithmic, speed)
-    size = max(residual, 1e-9 * float(np.std(fine.torque))) / unknowns[-2]
-    start = predictor.tune(np.array([*unknowns, fine.delay, START_RATE, size, DRIFT * size]))
-    for _ in range(ROUNDS):
-        predictor.weigh(start)
-        fit = refine(
-            predictor.linearised, predictor.evaluated, predictor.target, predictor.weights, start, wider, loss,
-            iterations=15, tolerance=LEAST_GAIN / len(predictor.target), cancel=cancel,
+    STEP = 1e-5  # kinks of a law move by more than their standard errors in longer ones
+
+    def __init__(self, fine: Fine, space: Space, speed: float) -> None:
+        super().__init__(fine, space, speed)
+        self._rows: dict[bytes, np.ndarray] = {}
+        self._slope = np.zeros(len(fine.position))
+
+    def _filter(
+        self,
+        laws: np.ndarray,
+        rest: np.ndarray,
+        bounds: np.ndarray,
+        errors: np.ndarray,
+        variances: np.ndarray,
+    ) -> None:
+        different, law = np.unique(laws, axis=0, return_inverse=True)
+        known, self._rows = self._rows, {}
+        for values in different:
+            key = values.tobytes()
+            self._rows[key] = known[key] if key in known else self._friction(self.fine.model, values)
+        forced_kernel.predict(
+            self._position, self._torque, self._impulse, np.array(list(self._rows.values())), law,
+            self.fine.velocity, self._slope, bounds, self.fine.dt, np.ascontiguousarray(rest), errors, variances,
         )  # fmt: skip
-        power = np.sum(fit.weights[:, None] * fit.jacobian[:, wider.free] ** 2, axis=0)
-        moved = float(np.max(np.abs(fit.unknowns - start)[wider.free] * np.sqrt(power)))
-        start = fit.unknowns
-        if moved < SETTLED or cancel():
-            break
-    return Sharpened(start, wider, fit, predictor.evaluations, predictor)
 
+    def weigh(self, unknowns: np.ndarray) -> None:
+        """Take the slopes of the friction from these unknowns, too."""
+        values = unknowns[:-REST]
+        moved = self._friction(self.fine.shaken, values) - self._friction(self.fine.model, values)
+        self._slope = moved / self.fine.jitter
+        super().weigh(unknowns)
 
-def _widened(space: Space) -> Space:
-    """With delay, rate and size of the disturbance, and size of the drift."""
-    return Space(
-        np.concatenate([space.lower, [0.0, START_RATE / 30.0, 1e-300, 1e-300]]),
-        np.concatenate([space.upper, [LONGEST_DELAY, 1e5, np.inf, np.inf]]),
-        np.concatenate([space.logarithmic, [False, True, True, True]]),
-        np.concatenate([space.free, [True, True, True, True]]),
-    )
+    def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
+        """Without derivatives, each of which is a walk through the whole motion."""
+        if self._last is not None and (self._last[0] == unknowns).all():
+            return self._last[1][0]
+        return np.asarray(-self.predicted(unknowns[None], self.encoder)[0][0] / self._deviation)
+
+    def resolves(self, unknowns: np.ndarray) -> bool:
+        """Whether friction does not jump from sample to sample: what it does there depends on motion between them."""
+        friction = self._friction(self.fine.model, unknowns[:-2])
+        steps = np.abs(np.diff(friction))
+        steps[self.fine.bounds[1:-1] - 1] = 0.0
+        return bool(steps.max() < JUMP * np.ptp(friction))
+
+    def _friction(self, model: Model, values: np.ndarray) -> np.ndarray:
+        return model.torque(values, np.zeros(0))[self.fine.places]

@@ -8,13 +8,26 @@ import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.models import AnyModel, LuGreModel, Model, background, model_for
-from tcs_friction.identify.motion import SAMPLES_PER_CYCLE, Motion, coarse, low_pass, unsure_start
+from tcs_friction.identify.models import AnyModel, Model, background, memoryless, model_for
+from tcs_friction.identify.motion import (
+    SAMPLES_PER_CYCLE,
+    Motion,
+    at_rest,
+    coarse,
+    low_pass,
+    resmoothed,
+    unsure_start,
+    windows,
+)
 from tcs_friction.identify.prediction import Fine
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Place
 
 MOST_INITIAL_STATES = 16
 SERIES_POINTS = 20000  # friction series are thinned to about this many points
+MOST_SAMPLES, WINDOW = 400_000, 20_000  # samples that are predicted, and windows of a recording that has more
+SHARPER = 3.0  # times the low pass' bandwidth, for friction that predictions are made with
+LEAST_SLIDING = 0.2  # of a recording, where a law without memory is to be judged by sliding alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +105,8 @@ class Problem:
     target: np.ndarray
     weights: np.ndarray
     acceleration: np.ndarray  # (m,)
-    fine: Fine | None = None  # where predictions can be made: a recording and a law with bristles
+    explained: np.ndarray  # (m,) bool: the law's torque there does not depend on what nobody saw
+    fine: Fine | None = None  # where predictions can be made: a recording
 
     @property
     def law_size(self) -> int:
@@ -159,26 +173,56 @@ def pose(axis: Axis, motion: Motion) -> Problem:
     """The problem of an axis (its law and effects believed) and a motion."""
     known = background(axis, motion)
     rotor = known.rotor - known.opposing
-    model = model_for(axis, motion)
-    fine = _fine(axis, motion, known.opposing) if isinstance(model, LuGreModel) else None
+    fine = _fine(axis, motion)
     if motion.bandwidth > 0.0:
         index, motion = coarse(motion, max(1, int(motion.rate / (SAMPLES_PER_CYCLE * motion.bandwidth))))
         rotor = rotor[index]
-        model = model_for(axis, motion)
+    model = model_for(axis, motion)
     thin = thinning(motion)
-    weights = np.ones(len(thin.centres))
-    if isinstance(model, AnyModel):
-        weights[unsure_start(motion)[thin.centres]] = 0.0
+    explained, told = _known(axis, model, motion)
     target, acceleration = thin.apply(np.column_stack([rotor, motion.acceleration])).T
-    return Problem(axis, motion, model, rotor, thin, target.copy(), weights, acceleration.copy(), fine)
+    return Problem(
+        axis, motion, model, rotor, thin, target.copy(), told[thin.centres].astype(np.float64), acceleration.copy(),
+        explained[thin.centres], fine,
+    )  # fmt: skip
 
 
-def _fine(axis: Axis, motion: Motion, opposing: np.ndarray) -> Fine | None:
+def _known(axis: Axis, model: Model, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) Whether the law's torque follows from the motion, and whether that tells its parameters.
+
+    A law without memory is silent about the torque at rest, unless hardly anything else has been recorded.
+    """
+    explained = ~unsure_start(motion) if isinstance(model, AnyModel) else np.ones(len(motion), dtype=bool)
+    if not memoryless(axis):
+        return explained, explained
+    told = explained & ~at_rest(motion)
+    return explained, told if told.mean() > LEAST_SLIDING else explained
+
+
+def _fine(axis: Axis, motion: Motion) -> Fine | None:
     """Position and torque at the rotor as logged, the torque without believed effects and without the believed delay."""
-    if motion.raw is None:
+    if motion.raw is None or any(item.term.place is Place.SENSOR for item in axis.effects):
         return None
-    position, torque = motion.raw
+    motion = resmoothed(windows(motion, MOST_SAMPLES, WINDOW), SHARPER * motion.bandwidth)
+    model = model_for(axis, motion)
+    position, torque = np.asarray(motion.raw)
     prompt = background(replace(axis, actuation_delay=0.0), replace(motion, torque=torque)).rotor
-    return Fine(
-        position, prompt - opposing, motion.bounds, 1.0 / motion.rate, motion.density, axis.actuation_delay
-    )
+    torque = prompt - background(axis, motion).opposing
+    jitter = motion.resolution / 3.0 * np.where(np.arange(len(motion)) % 2, -1.0, 1.0)
+    shaken = model_for(axis, replace(motion, velocity=motion.velocity + jitter))
+    fine = Fine(
+        position, torque, motion.bounds, 1.0 / motion.rate, motion.density, axis.actuation_delay,
+        model, shaken, np.arange(len(motion)), motion.velocity, jitter,
+    )  # fmt: skip
+    return fine.only(_known(axis, model, motion)[1])
+
+
+def settled(problem: Problem, unknowns: np.ndarray) -> Problem:
+    """The same without the samples whose friction, by these unknowns (p,), depends on what was before the recording."""
+    model, fine, values = problem.model, problem.fine, unknowns[: problem.law_size]
+    if not isinstance(model, AnyModel) or memoryless(problem.axis):
+        return problem
+    sure = ~model.unsure(values)[problem.thin.centres]
+    if fine is not None and isinstance(fine.model, AnyModel):
+        fine = fine.only(~fine.model.unsure(values)[fine.places])
+    return replace(problem, weights=problem.weights * sure, explained=problem.explained & sure, fine=fine)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, axis_of
 
-from benchmarks import accuracy
+from benchmarks import accuracy, law_axes
 from tcs_friction.control.loop import LoopRun
-from tcs_friction.identify import identification
+from tcs_friction.identify import forced_kernel, identification
 from tcs_friction.identify.identification import identify
-from tcs_friction.identify.prediction import Fine
+from tcs_friction.identify.motion import prepare, windows
 from tcs_friction.identify.prediction_kernel import LANES, SLOW, predict
+from tcs_friction.identify.problem import pose, settled
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
@@ -131,13 +132,22 @@ def test_scatter_is_that_of_a_mean_of_axes() -> None:
     assert found == pytest.approx(np.std(rows[:, 0]) / np.sqrt(30.0), rel=0.15)
 
 
-@pytest.mark.parametrize("name", ["bliman_sorine", "coulomb_viscous"])
-def test_intervals_without_predictions_hold_what_smoothing_does(name: str) -> None:
-    """Smoothing moves reversals, and these laws' fits by 5 to 10 times their scatter."""
-    found, _ = accuracy.trials(1, 2, 60.0, name)
+def test_intervals_without_predictions_hold_what_smoothing_does() -> None:
+    """Friction that jumps is not predicted; smoothing moves its jumps, and the fit by several times its scatter."""
+    found, _ = accuracy.trials(1, 1, 60.0, "reset_integrator")
     every = np.vstack(list(found.values()))
-    assert len(every) == 2 * len(found)
-    assert np.abs(every[:, 0] / every[:, 1]).max() < 3.0
+    assert len(every) == len(found)
+    assert np.abs(every[:, 0] / every[:, 1]).max() < 4.0
+
+
+@pytest.mark.parametrize(("name", "inertia"), [("coulomb_viscous", 0.05), ("stribeck_static", 0.05)])
+def test_laws_without_memory_are_predicted_while_they_slide(name: str, inertia: float) -> None:
+    """Fits of torques miss the inertia of these axes by 60 to 100 %, for they stick at every reversal."""
+    found, _ = accuracy.trials(2, 1, 60.0, name)
+    every = np.vstack(list(found.values()))
+    assert accuracy.coverage(every) >= 0.75
+    assert np.abs(every[:, 0] / every[:, 1]).max() < 4.0
+    assert np.abs(found["inertia"][:, 0] / found["inertia"][:, 3]).max() < inertia
 
 
 def test_a_late_log_is_found_and_does_no_harm() -> None:
@@ -163,15 +173,126 @@ def test_predictions_that_contradict_the_torques_are_dropped(
     assert found.rmse.train < 0.5
 
 
-def test_a_long_recording_is_predicted_in_windows() -> None:
-    fine = Fine(np.arange(1000.0), np.arange(1000.0), np.array([0, 400, 1000]), DT, 0.0, 0.0)
-    part = fine.windows(500, 100)
-    assert len(part.position) == part.bounds[-1] <= 600
-    assert (np.diff(part.bounds) == 100).all()
-    starts = part.position[part.bounds[:-1]]
-    assert starts[0] == 0.0
-    assert 400.0 in starts
-    assert fine.windows(1000, 100) is fine
+def test_a_long_recording_is_predicted_in_windows(run: LoopRun) -> None:
+    motion = prepare([Recording(run.t, run.position, run.torque)])
+    part = windows(motion, 5000, 1000)
+    assert len(part) == part.bounds[-1] <= 6000
+    assert (np.diff(part.bounds) == 1000).all()
+    assert part.raw is not None
+    index = np.searchsorted(motion.t, part.t)
+    assert (motion.raw[:, index] == part.raw).all()  # type: ignore[index]
+    assert len(part.sources) == len(part.stretches)
+    assert windows(motion, len(motion), 1000) is motion
+
+
+def test_only_runs_that_are_long_enough_are_predicted(run: LoopRun) -> None:
+    fine = pose(axis_of(), prepare([Recording(run.t, run.position, run.torque)])).fine
+    assert fine is not None
+    mask = np.zeros(len(fine.position), dtype=bool)
+    mask[100:150] = mask[1000:1200] = mask[3000:3300] = True
+    part = fine.only(mask)
+    assert part is not None
+    assert part.bounds.tolist() == [0, 200, 500]
+    assert part.places[[0, 199, 200]].tolist() == fine.places[[1000, 1199, 3000]].tolist()
+    assert fine.only(np.zeros_like(mask)) is None
+
+
+def forced(
+    position: np.ndarray, push: np.ndarray, drag: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The filter of `forced_kernel` with matrices; push (n - 1,) and drag (n - 1,) of each step, rad/s^2 and 1/s."""
+    rate, size, encoder, drift = p
+    keep, stay, half = np.exp(-rate * DT), np.exp(-SLOW * DT), 0.5 * DT**2
+    power = size**2 * (1.0 - keep**2)
+    noise = np.zeros((4, 4))
+    noise[1, 1], noise[1, 2], noise[2, 1], noise[2, 2] = (
+        power * DT**2 / 3,
+        power * DT / 2,
+        power * DT / 2,
+        power,
+    )
+    noise[3, 3] = drift**2 * (1.0 - stay**2)
+    v = (position[1] - position[0]) / DT
+    state, spread = (
+        np.array([position[0], v, 0.0, 0.0]),
+        np.diag([encoder**2, 2 * (encoder / DT) ** 2 + v**2, size**2, drift**2]),
+    )
+    errors, variances = [], []
+    for k in range(len(position)):
+        total = spread[0, 0] + encoder**2
+        errors.append(position[k] - state[0])
+        variances.append(total)
+        gain = spread[:, 0] / total
+        state, spread = state + gain * errors[-1], spread - np.outer(gain, spread[0])
+        if k == len(push):
+            break
+        along = 1.0 - 0.5 * DT * drag[k]
+        turn = np.array([
+            [1.0, DT * along, half, half],
+            [0.0, 1.0 - DT * drag[k] * along, DT * along * 0.5 * (1.0 + keep), DT * along],
+            [0.0, 0.0, keep, 0.0],
+            [0.0, 0.0, 0.0, stay],
+        ])  # fmt: skip
+        moved = turn @ state + np.array([0.0, DT * along * push[k], 0.0, 0.0])
+        a = (moved[1] - state[1]) / DT
+        state = np.array([state[0] + DT * state[1] + half * a, *moved[1:]])
+        spread = turn @ spread @ turn.T + noise
+    return np.array(errors), np.array(variances)
+
+
+def test_known_friction_drives_a_slow_filter_alike(run: LoopRun) -> None:
+    position, torque = run.position[2000:2300] - run.position[2000], run.torque[2000:2300].copy()
+    velocity = np.gradient(position, DT)
+    friction, slope = 80.0 + 500.0 * velocity, np.linspace(-2e4, 4e4, 300)
+    candidates = np.array(
+        [[1000.0, 1.5, 0.0, 60.0, 2e-4, 5e-8, 1e-4], [900.0, 0.0, 0.0, 30.0, 3e-4, 6e-8, 2e-4]]
+    )
+    errors, variances = np.empty((2, 300)), np.empty((2, 300))
+    forced_kernel.predict(
+        position, torque, np.cumsum(torque) * DT, np.vstack([friction, 1.1 * friction]), np.array([1, 0]), velocity, slope,
+        np.array([0, 300]), DT, candidates, errors, variances,
+    )  # fmt: skip
+    for k, scale in enumerate((1.1, 1.0)):
+        inertia, offset = candidates[k, :2]
+        drag = 0.5 * (slope[1:] + slope[:-1]) / inertia
+        pull = 0.5 * scale * (friction[1:] + friction[:-1]) - drag * inertia * 0.5 * (
+            velocity[1:] + velocity[:-1]
+        )
+        expected, spread = forced(position, (torque[1:] - offset - pull) / inertia, drag, candidates[k, 3:])
+        assert variances[k] == pytest.approx(spread, rel=1e-6)
+        assert errors[k] == pytest.approx(expected, rel=1e-3, abs=1e-3 * np.sqrt(spread[-1]))
+
+
+def test_what_a_recording_starts_with_is_not_compared() -> None:
+    """Maxwell's elements remember the way that each of them last slipped."""
+    random = np.random.default_rng([7, 0])
+    axis = law_axes.draw("maxwell_slip", random)
+    run = accuracy.run_axis(axis, 1, 30.0)
+    problem = pose(axis, prepare([Recording(run.t, run.position, run.torque)]))
+    values = np.array([axis.friction.values[p.name] for p in axis.friction.term.parameters])
+    less = settled(problem, values)
+    share = np.cumsum(
+        np.ones(values[-1].astype(int))
+    )  # distance at which each element slips, over the first's
+    distances = ((share - 0.5) / values[-1]) ** values[4] * np.sum(((share - 0.5) / values[-1]) ** -values[4])
+    longest = 2.0 * axis.friction.values["coulomb"] / values[-1] / values[3] * distances[-1]
+    travel = np.abs(problem.motion.position[problem.thin.centres] - problem.motion.position[0])
+    first = int(np.flatnonzero(less.weights)[0])
+    assert travel[first] == pytest.approx(longest, rel=0.3)
+    assert less.fine is not None
+    assert problem.fine is not None
+    assert len(less.fine.position) < len(problem.fine.position)
+
+
+def test_a_law_without_memory_is_not_asked_about_torque_at_rest() -> None:
+    axis = law_axes.draw("coulomb_viscous", np.random.default_rng([7, 0]))
+    run = accuracy.run_axis(axis, 1, 30.0)
+    problem = pose(axis, prepare([Recording(run.t, run.position, run.torque)]))
+    still = np.abs(problem.velocity) < problem.motion.resolution
+    assert still.any()
+    assert (problem.weights[still] == 0.0).all()
+    assert problem.explained[still].any()
+    assert np.mean(problem.weights) > 0.5
 
 
 def test_what_the_law_lacks_does_not_bend_the_inertia() -> None:
