@@ -1,9 +1,9 @@
 """Chooses the effects: forward, backward and swap steps over joint fits, with error control over everything that was looked at.
 
 A step is judged by the drop of the whitened train squares after a joint refit of all free numbers, less what chance would
-give: the Bayesian information criterion for the numbers, twice the log of the alternatives that were searched through, and
-a Bonferroni term for the length of the vocabulary. Effects that follow the motion's own nonlinearity (friction scale,
-drive, body) also fit what smoothing and sampling leave behind; they have to explain a share of the noise power as well.
+give: chi-squared with as many numbers, Bonferroni's correction for the alternatives that were searched through and for the
+length of the vocabulary. Effects made from logged torque, acceleration or a memory of them feed on the residual's own noise
+and on what sampling leaves behind; they have to explain a share of the noise power as well.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, stats
 
 from tcs_friction.diagnose.background import Background, survey
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
@@ -36,8 +36,8 @@ from tcs_friction.physics.terms import Instance, Place, Role, Term
 ODDS = 100.0  # to one, by which an effect must beat a rival
 SAME = 2.0 * math.log(ODDS)  # gain, in units of the misfit, that this takes
 ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
-FALSE_ALARM = 1e-3  # chance over the whole vocabulary
-MATERIAL = 0.006  # of the noise power, for effects that follow the motion's nonlinearity
+FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing is missing
+MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
@@ -116,9 +116,11 @@ def _judged(balance: Balance, fit: Fit) -> Fit:
     return replace(fit, squares=balance.squares(fit.axis))
 
 
-def follows_motion(term: Term) -> bool:
-    """Whether an effect is shaped by the motion's own nonlinearity, as the errors of smoothing and sampling are."""
-    return term.place in (Place.SCALE, Place.DRIVE, Place.BODY) or term.states != 0
+def feeds_on_noise(term: Term) -> bool:
+    """Whether noise of the residual is in what an effect is made from: logged torque, acceleration, or a memory of motion."""
+    torque = "torque" in term.reads and not term.periodic
+    memory = term.states != 0 and not term.signals
+    return torque or memory or term.place is Place.BODY
 
 
 def rings(term: Term) -> bool:
@@ -126,15 +128,15 @@ def rings(term: Term) -> bool:
     return term.place is Place.BODY and term.states != 0
 
 
-def chance(balance: Balance, count: int, looks: float) -> float:
-    """Gain that chance may give `count` free numbers, the best of `looks` alternatives."""
-    return count * math.log(balance.effective_count) + 2.0 * math.log(looks * len(effects()) / FALSE_ALARM)
+def chance(count: int, looks: float) -> float:
+    """Gain (chi-squared) that `count` free numbers reach by chance, the best of `looks` alternatives of every effect."""
+    return float(stats.chi2.isf(FALSE_ALARM / (looks * len(effects())), max(count, 1)))
 
 
 def threshold(balance: Balance, terms: Sequence[Term], count: int, looks: float) -> float:
-    """Gain that chance, and for some effects smoothing, may give."""
-    material = MATERIAL * balance.effective_count if any(map(follows_motion, terms)) else 0.0
-    return chance(balance, count, looks) + material + (len(terms) - 1) * chance(balance, 0, 1.0)
+    """Gain that chance may give, and noise to effects that feed on it."""
+    material = MATERIAL * balance.effective_count if any(map(feeds_on_noise, terms)) else 0.0
+    return chance(count, looks) + material + (len(terms) - 1) * chance(1, 1.0)
 
 
 def slow_part(balance: Balance, white: np.ndarray) -> np.ndarray:
@@ -147,7 +149,7 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     """The candidate after a joint fit from its start.
 
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
-    follow the motion gain by it at high frequency. What they gain must show in the slow part as well.
+    feed on noise gain by it at high frequency. What they gain must show in the slow part as well.
     """
     widened = axis
     for item in start.instances:
@@ -159,11 +161,11 @@ def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float)
     gain = (base.squares - fit.squares) / spread / start.excess
     if any(_implausible(balance, axis, fit, len(axis.effects) + k) for k in range(len(terms))):
         gain = 0.0
-    elif any(follows_motion(term) and not rings(term) for term in terms):
+    elif any(feeds_on_noise(term) and not rings(term) for term in terms):
         before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
         after = slow_part(balance, balance.whiten(balance.residual(fit.axis)))
         slow = float(before @ before - after @ after) / spread
-        if slow < chance(balance, start.count, start.looks):
+        if slow < chance(start.count, start.looks):
             gain = min(gain, slow)
     return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
 
@@ -278,7 +280,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         gains = (before.white - after.white) / spread
         gain = float(gains.sum())
         placed = any(item.term.coordinate == "position" for item in best.items)
-        enough = min(ONCE * gain, chance(balance, best.start.count, best.start.looks))
+        enough = min(ONCE * gain, chance(best.start.count, best.start.looks))
         if placed and gain - float(gains.max()) < enough:
             gain = 0.0
         kept = np.argsort(gains)
@@ -508,7 +510,7 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
         margins = []
         for index, alone in enumerate(fewer, believed):
             energy = float(np.sum(balance.residual(alone.axis)[balance.train] ** 2 - residual[balance.train] ** 2))
-            needed = chance(balance, sum(f.owner == index for f in fit.free), 1.0)
+            needed = chance(sum(f.owner == index for f in fit.free), 1.0)
             margins.append(energy * balance.data.dt - 0.5 * density * needed)
         if min(margins) > 0.0:
             break

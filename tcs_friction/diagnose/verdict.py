@@ -117,7 +117,7 @@ def _plain_map(
     alone = _mapped(balance, selection.retuned, plain)
     spread = max(1.0, balance.squares(best.axis) / balance.effective_count)
     lost = (balance.squares(alone.axis) - balance.squares(best.axis)) / spread
-    needed = chance(balance, len(best.free) - len(alone.free), 1.0)
+    needed = chance(len(best.free) - len(alone.free), 1.0)
     plainly = np.mean([balance.residual(x.axis)[balance.train] ** 2 for x in (alone, best)], axis=1)
     if lost > max(needed, TIE * balance.effective_count) or plainly[0] > (1.0 + TIE) * plainly[1]:
         return None
@@ -205,7 +205,7 @@ class _Judge:
             return "missing_physics"
         spread = max(1.0, self.fit.squares / self.balance.effective_count)
         gain = (self.balance.squares(self.file.axis) - self.fit.squares) / spread
-        needed = chance(self.balance, len(self.fit.free), 1.0)
+        needed = chance(len(self.fit.free), 1.0)
         worse = errors["believed"].train > RETUNED * errors["retuned"].train
         return "parameters" if gain > needed and worse else "match"
 

@@ -8,7 +8,7 @@ import pytest
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.balance import Balance, free_parameters, get, put
 from tcs_friction.diagnose.condition import condition, low_pass
-from tcs_friction.diagnose.selection import follows_motion, settle
+from tcs_friction.diagnose.selection import feeds_on_noise, settle
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
@@ -90,10 +90,13 @@ def test_the_true_axis_leaves_whitened_noise(plain: Recording) -> None:
     assert fit.axis.friction.values["coulomb"] == pytest.approx(2.0, rel=0.02)
 
 
-def test_only_effects_shaped_by_the_motion_have_to_be_material() -> None:
-    assert follows_motion(effect("coulomb_asymmetry"))
-    assert follows_motion(effect("cable_hysteresis"))
-    assert not follows_motion(effect("cogging"))
+def test_only_effects_that_feed_on_noise_have_to_be_material() -> None:
+    assert feeds_on_noise(effect("load_dependent_friction"))
+    assert feeds_on_noise(effect("cable_hysteresis"))
+    assert feeds_on_noise(effect("position_dependent_inertia"))
+    assert not feeds_on_noise(effect("coulomb_asymmetry"))
+    assert not feeds_on_noise(effect("torque_ripple"))
+    assert not feeds_on_noise(effect("cogging"))
 
 
 def test_a_recording_without_motion_is_refused() -> None:
