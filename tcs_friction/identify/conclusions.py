@@ -95,10 +95,11 @@ class Conclusions:
     def errors(self, polished: bool) -> Errors:
         """Residuals of a fit of torques that saw only the training samples; a search has seen all, and says so by both."""
         training = training_mask(self.problem)
-        residual = self.refined.residual
+        fitted = self.refined
         if polished:
             part = self.problem.masked(training)
-            residual = refit(part, self.refined.unknowns, self.verdicts.space, self.loss, 8).residual
+            fitted = refit(part, fitted.unknowns, self.verdicts.space, self.loss, 8)
+        residual = self.problem.unexplained(fitted)
         counted = self.problem.explained
         return Errors(rms(residual[training & counted]), rms(residual[~training & counted]))
 
@@ -107,7 +108,7 @@ class Conclusions:
         problem, refined = self.problem, self.refined
         inertia, offset = refined.unknowns[problem.inertia_index], refined.unknowns[problem.offset_index]
         rest = inertia * problem.acceleration + offset
-        modelled = problem.target - refined.residual
+        modelled = problem.target - problem.unexplained(refined)
         bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
         return Fit(
             problem.times, problem.velocity, problem.target, modelled,

@@ -15,6 +15,7 @@ from tcs_friction.identify.uncertainty import sandwich
 LARGEST_RELATIVE = 0.5  # relative standard deviation above which a number would mean nothing
 NEGLIGIBLE = 0.02  # of the torque's size: a parameter whose uncertainty matters less is known well enough
 LEAST_EFFECT = 1e-6  # of the torque's size: a parameter that moves less than this does not act at all
+SHARES = 5  # Coulomb torques that are tried between two
 PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
 
 
@@ -49,7 +50,9 @@ def judge(
     for _ in range(4):
         held = np.isin(np.arange(len(unknowns)), list(reasons))
         if polish:
-            unknowns = _with_believed(problem, unknowns, space, reasons, believed)
+            unknowns = _without_drop(
+                problem, _with_believed(problem, unknowns, space, reasons, believed), reasons
+            )
         current = space.holding(held)
         refined = refine(
             problem.linearised, problem.torque, problem.target, problem.weights, unknowns,
@@ -116,6 +119,19 @@ def _with_believed(
         elif problem.names[k] == "damping":
             result[k] = 0.0
     return result
+
+
+def _without_drop(problem: Problem, unknowns: np.ndarray, reasons: Mapping[int, str]) -> np.ndarray:
+    """Where a drop from static to Coulomb torque has been given up: the Coulomb torque between both that explains most."""
+    names = problem.names
+    if "stribeck_velocity" not in names or names.index("stribeck_velocity") not in reasons:
+        return unknowns
+    coulomb, static = (names.index(name) for name in ("coulomb", "static"))
+    trials = [unknowns.copy() for _ in range(SHARES)]
+    for trial, share in zip(trials, np.linspace(0.0, 1.0, SHARES), strict=True):
+        trial[coulomb] = (1.0 - share) * unknowns[coulomb] + share * unknowns[static]
+    costs = [float(problem.weights @ (problem.target - problem.torque(trial)) ** 2) for trial in trials]
+    return trials[int(np.argmin(costs))]
 
 
 def _companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:

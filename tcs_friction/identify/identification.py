@@ -19,7 +19,7 @@ from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
-from tcs_friction.identify.refine import Outcome
+from tcs_friction.identify.refine import Outcome, Refined, Space
 from tcs_friction.identify.result import Identification
 from tcs_friction.identify.sharpen import Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
@@ -33,6 +33,9 @@ WORSE = 1.2  # times the torque residual: predictions that raise it by more cont
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinion; steps of its fit
+SAME_VALLEY = 1.01  # times the least cost: another search that ends so near has found the same
+MOST_SEARCHES = 10  # until the least cost is found twice
+VALLEY_STEPS = 30  # of the fit that ends each
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(
     population=48, generations=1, swarm_generations=24, genetic_generations=0, velocity_limit=0.1
@@ -105,10 +108,9 @@ def identify(
     free_inertia = not options.hold_inertia and not motion.measured
     free_offset = options.offset
     cost = _cost(problem, method, free_inertia, free_offset, start, options)
-    found = _search(cost, method, seed, options, progress, cancel)
-    unknowns = cost.unknowns(found.position)
-    problem = settled(problem, unknowns)
     space = space_of(problem, free_inertia, free_offset)
+    found, unknowns = _search(cost, problem, space, method, seed, options, progress, cancel)
+    problem = settled(problem, unknowns)
     polish = method == "default" and found.outcome is not Outcome.CANCELLED
     verdicts = judge(problem, unknowns, space, believed, options.loss, polish, cancel)
     sharp = None
@@ -173,18 +175,35 @@ def _cost(
 
 def _search(
     cost: SearchCost,
+    problem: Problem,
+    space: Space,
     method: str,
     seed: int,
     options: IdentifyOptions,
     progress: Callable[[Generation], None],
     cancel: Callable[[], bool],
-) -> pso_ga.SearchResult:
+) -> tuple[pso_ga.SearchResult, np.ndarray]:
+    """A search and the unknowns (p,) that it found; for laws with many valleys, the best of several that were refined."""
     settings, count = {"pso-ga": options.swarm, "paper": operators.PAPER}.get(method), len(cost.box.lower)
     if method == "default":
         settings = _for_dimensions(count) if isinstance(cost, AnyCost) else QUICK
     if settings is None:
         settings = operators.alone(options.swarm, method)
-    return pso_ga.search(cost, count, seed, settings, progress=progress, cancel=cancel)
+    found = pso_ga.search(cost, count, seed, settings, progress=progress, cancel=cancel)
+    if method != "default" or not isinstance(cost, AnyCost):
+        return found, cost.unknowns(found.position)
+    ends: list[tuple[pso_ga.SearchResult, Refined]] = []
+    while found.outcome is not Outcome.CANCELLED:
+        ends.append((found, refit(problem, cost.unknowns(found.position), space, options.loss, VALLEY_STEPS)))
+        costs = np.array([end.cost for _, end in ends])
+        if np.count_nonzero(costs <= SAME_VALLEY * costs.min()) == 2 or len(ends) == MOST_SEARCHES:
+            break
+        found = pso_ga.search(cost, count, (seed, len(ends)), settings, progress=progress, cancel=cancel)
+    if not ends:
+        return found, cost.unknowns(found.position)
+    best, refined = ends[int(np.argmin(costs))]
+    evaluations = sum(one.evaluations + end.evaluations for one, end in ends)
+    return replace(best, evaluations=evaluations, outcome=found.outcome), refined.unknowns
 
 
 def _for_dimensions(count: int) -> SwarmOptions:

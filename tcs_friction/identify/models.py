@@ -206,6 +206,10 @@ class AnyModel:
         moving: np.ndarray = out[:, compiled.REQUIRED] - out[:, compiled.OPPOSED]
         return moving - out[:, compiled.MOVED] * self._acceleration
 
+    def level(self, values: np.ndarray) -> np.ndarray:
+        """(n,) dry friction that is available."""
+        return self._walk.run(np.clip(values, *self._bounds))[:, compiled.AVAILABLE].copy()
+
     def unsure(self, values: np.ndarray) -> np.ndarray:
         """(n,) Whether the torque depends on which way the axis slid before a stretch, in at most its first fifth."""
         law, stretches = np.clip(values, *self._bounds), self._walk.motion.stretches

@@ -20,6 +20,7 @@ from tcs_friction.identify.motion import (
     windows,
 )
 from tcs_friction.identify.prediction import Fine
+from tcs_friction.identify.refine import Refined
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Place
 
@@ -106,6 +107,7 @@ class Problem:
     weights: np.ndarray
     acceleration: np.ndarray  # (m,)
     explained: np.ndarray  # (m,) bool: the law's torque there does not depend on what nobody saw
+    told: np.ndarray  # (m,) bool: and it is more than a bound
     fine: Fine | None = None  # where predictions can be made: a recording
 
     @property
@@ -139,6 +141,18 @@ class Problem:
     def velocity(self) -> np.ndarray:
         """(m,) rad/s at the compared samples."""
         return self.motion.velocity[self.thin.centres]
+
+    def unexplained(self, refined: Refined) -> np.ndarray:
+        """(m,) residual of a fit; of a law that only bounds the torque at rest, there what exceeds the bound."""
+        silent = self.explained & ~self.told
+        if not silent.any() or not isinstance(self.model, AnyModel):
+            return refined.residual
+        inertia, offset = refined.unknowns[[self.inertia_index, self.offset_index]]
+        friction = (self.target - inertia * self.acceleration - offset)[silent]
+        level = self.model.level(refined.unknowns[: self.law_size])[self.thin.centres][silent]
+        residual = refined.residual.copy()
+        residual[silent] = friction - np.clip(friction, -level, level)
+        return residual
 
     def masked(self, mask: np.ndarray) -> Problem:
         """The same problem in which only some of the samples count."""
@@ -183,7 +197,7 @@ def pose(axis: Axis, motion: Motion) -> Problem:
     target, acceleration = thin.apply(np.column_stack([rotor, motion.acceleration])).T
     return Problem(
         axis, motion, model, rotor, thin, target.copy(), told[thin.centres].astype(np.float64), acceleration.copy(),
-        explained[thin.centres], fine,
+        explained[thin.centres], told[thin.centres], fine,
     )  # fmt: skip
 
 
@@ -225,4 +239,5 @@ def settled(problem: Problem, unknowns: np.ndarray) -> Problem:
     sure = ~model.unsure(values)[problem.thin.centres]
     if fine is not None and isinstance(fine.model, AnyModel):
         fine = fine.only(~fine.model.unsure(values)[fine.places])
-    return replace(problem, weights=problem.weights * sure, explained=problem.explained & sure, fine=fine)
+    told, explained = problem.told & sure, problem.explained & sure
+    return replace(problem, weights=problem.weights * sure, explained=explained, told=told, fine=fine)

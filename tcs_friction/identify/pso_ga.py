@@ -10,7 +10,7 @@ are the same pieces.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -98,7 +98,7 @@ class _Search:
 def search(
     cost: Cost,
     dimensions: int,
-    seed: int,
+    seed: int | Sequence[int],
     options: SwarmOptions | None = None,
     start: np.ndarray | None = None,
     progress: Callable[[Generation], None] = lambda _: None,

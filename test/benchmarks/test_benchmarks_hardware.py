@@ -80,7 +80,7 @@ def test_bristles_that_imitate_gravity_are_called_so(shared_data: Path) -> None:
     """A pendulum: its weight is hidden from the model, and a law with soft bristles takes it for friction."""
     subject = hardware.subject_of(shared_data / "data" / "bam_sin_sin_kp200", [SIMPLEST, "lugre"], 0)
     assert "imitate a torque that depends on position" in " ".join(remarks(subject))
-    assert subject.unexplained(SIMPLEST) > 1.0
+    assert subject.unexplained(SIMPLEST) > 0.8
 
 
 @pytest.mark.parametrize(

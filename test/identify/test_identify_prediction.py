@@ -293,6 +293,8 @@ def test_a_law_without_memory_is_not_asked_about_torque_at_rest() -> None:
     assert (problem.weights[still] == 0.0).all()
     assert problem.explained[still].any()
     assert np.mean(problem.weights) > 0.5
+    found = identify([Recording(run.t, run.position, run.torque)], axis)
+    assert found.rmse.train < 0.5  # what holds the axis at rest, up to 80 N m, is within the law's bound
 
 
 def test_what_the_law_lacks_does_not_bend_the_inertia() -> None:

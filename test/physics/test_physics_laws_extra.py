@@ -129,8 +129,8 @@ def test_maxwell_slip_starts_with_its_stiffness_and_remembers_the_outer_loop() -
     assert abs(bristle[-1] - bristle[499 + 499]) > abs(torque[-1] - torque[499 + 499])
 
 
-def test_maxwell_slip_has_as_many_states_as_elements() -> None:
-    assert MAXWELL.term.state_size(MAXWELL.values, 1e-3) == 10
+def test_maxwell_slip_keeps_torque_and_share_of_each_element() -> None:
+    assert MAXWELL.term.state_size(MAXWELL.values, 1e-3) == 2 * 10 + 1
 
 
 def test_bam_grows_with_the_load() -> None:

@@ -39,17 +39,21 @@ from tcs_friction.physics.terms import (
 
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: torque of each element, N m."""
+    """State: torque of each element, N m; share of the stiffness that each has; the spread behind these shares, plus one."""
     stiffness, spread, viscous = parameters[3], parameters[4], parameters[5]
-    elements = len(state)
+    elements = len(state) // 2
+    if state[2 * elements] != spread + 1.0:
+        softness = 0.0
+        for i in range(elements):
+            state[elements + i] = ((i + 0.5) / elements) ** -spread
+            softness += state[elements + i]
+        for i in range(elements):
+            state[elements + i] /= softness
+        state[2 * elements] = spread + 1.0
     level = scaled(motion, stribeck_level(motion[VELOCITY], parameters[0], parameters[1], parameters[2]))
-    softness = 0.0
-    for i in range(elements):
-        softness += ((i + 0.5) / elements) ** -spread
     total, limit = 0.0, level / elements
     for i in range(elements):
-        share = ((i + 0.5) / elements) ** -spread / softness
-        state[i] = min(max(state[i] + stiffness * share * motion[TRAVEL], -limit), limit)
+        state[i] = min(max(state[i] + stiffness * state[elements + i] * motion[TRAVEL], -limit), limit)
         total += state[i]
     motion[DRY] = total
     motion[VISCOUS] = viscous * motion[VELOCITY] * motion[VISCOUS_SCALE]
@@ -60,7 +64,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 def element_count(values: Mapping[str, float], dt: float) -> int:
     """Number of states."""
-    return round(values["elements"])
+    return 2 * round(values["elements"]) + 1
 
 
 TERM = Term(
