@@ -23,6 +23,7 @@ from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
 SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
+LEADING = 0.5  # of the largest harmonic, that the first one must have
 CLIMB_FROM, CLIMBS = 0.13, 16  # first step of a pattern search, log units, and its rounds
 PEAKS = 3  # of a spectrum that are tried exactly
 
@@ -235,10 +236,16 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
             if start is None:
                 continue
             start = replace(_pruned(background, start, columns), excess=float(spread[index]))
-            if own is None or start.gain > (1.0 + SUBMULTIPLE) * own.gain:
+            if own is None or (start.gain > (1.0 + SUBMULTIPLE) * own.gain and _leads(start.instance)):
                 found.append(start)
             own = own or start
     return sorted(found, key=lambda start: 12.0 * start.count - start.gain / start.excess)[:2]
+
+
+def _leads(item: Instance) -> bool:
+    """Whether the first amplitude of an effect is no less than LEADING of its largest one: its harmonics are harmonics."""
+    sizes = [item.values[p.name] for p, phase in pairs(item.term.parameters) if phase is not None]
+    return sizes[0] >= LEADING * max(sizes)
 
 
 def _pruned(background: Background, start: Start, columns: np.ndarray) -> Start:

@@ -180,12 +180,16 @@ def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
 
 
 def _implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
-    """Whether one of the fitted effects is larger than any torque, or ended where it proposes nothing for such a recording."""
-    kept = tuple(item for k, item in enumerate(fit.axis.effects) if k != index)
+    """Whether a fitted effect cannot be, or ended where it proposes nothing for such a recording."""
+    return _impossible(balance, fit, index) or _out_of_reach(balance, axis, fit.axis.effects[index])
+
+
+def _impossible(balance: Balance, fit: Fit, index: int) -> bool:
+    """Whether an effect is larger than any torque, or its own declaration warns of its values."""
+    item = fit.axis.effects[index]
+    kept = tuple(other for other in fit.axis.effects if other is not item)
     own = balance.residual(replace(fit.axis, effects=kept)) - balance.residual(fit.axis)
-    return float(np.std(own[balance.train])) > LARGEST * balance.torque_size or _out_of_reach(
-        balance, axis, fit.axis.effects[index]
-    )
+    return bool(item.term.warn(item.values)) or float(np.std(own[balance.train])) > LARGEST * balance.torque_size
 
 
 @dataclass(frozen=True)
@@ -476,12 +480,15 @@ def contest(
         best = candidates[0]
         order = [*range(index), len(best.fit.axis.effects) - 1, *range(index, len(best.fit.axis.effects) - 1)]
         swapped = replace(best.fit.axis, effects=tuple(best.fit.axis.effects[i] for i in order))
-        return settle(balance, swapped, rounds=1), Rivals(alone, same, best.gain, candidates[1:])
+        settled = settle(balance, swapped, rounds=1)
+        if not _impossible(balance, settled, index):
+            return settled, Rivals(alone, same, best.gain, candidates[1:])
+        balance.weigh(balance.residual(fit.axis))
     return fit, Rivals(alone, same, gain, candidates)
 
 
 def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
-    """Drop effects (beyond the believed ones) that no longer earn their place."""
+    """Drop effects (beyond the believed ones) that no longer earn their place, or that cannot be beside the others."""
     while len(fit.axis.effects) > believed + 1:
         spread = max(1.0, fit.squares / balance.effective_count)
         fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
@@ -489,7 +496,8 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
         for index, alone in enumerate(fewer, believed):
             count = sum(f.owner == index for f in fit.free)
             limit = threshold(balance, [fit.axis.effects[index].term], count, 1.0)
-            losses.append((alone.squares - fit.squares) / spread - limit)
+            loss = (alone.squares - fit.squares) / spread - limit
+            losses.append(-math.inf if _impossible(balance, fit, index) else loss)
         if min(losses) > 0.0:
             break
         fit = settle(balance, fewer[int(np.argmin(losses))].axis, rounds=1)

@@ -139,11 +139,16 @@ def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
 
 
 def _mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
-    """The fit with the structure's table as a learned map, refitted; as it is where nothing predicts."""
+    """The fit with the structure's table as a learned map, refitted; as it is where that explains no more."""
     if structure.table is None:
         return fit
-    mapped = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
-    return settle(balance, mapped, rounds=1)
+    axis = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
+    mapped = settle(balance, axis, rounds=1)
+    with_map, without = (_rms(balance.residual(x.axis)[balance.train]) for x in (mapped, fit))
+    if with_map < without:
+        return mapped
+    balance.weigh(balance.residual(fit.axis))
+    return fit
 
 
 @dataclass(frozen=True)

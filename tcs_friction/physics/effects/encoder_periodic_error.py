@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel
@@ -11,6 +12,12 @@ from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, 
 @kernel
 def error(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(parameters[1] * math.sin(parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]))
+
+
+def warnings(values: Mapping[str, float]) -> list[str]:
+    """An encoder whose error grows as fast as the position would count backwards."""
+    slope = values["order"] * abs(values["amplitude"])
+    return [f"the encoder would count backwards: order times amplitude is {slope:.3g}"] if slope >= 1.0 else []
 
 
 TERM = Term(
@@ -27,4 +34,5 @@ TERM = Term(
     coordinate="position",
     subsystem="sensor",
     periodic="position",
+    warn=warnings,
 )
