@@ -189,7 +189,8 @@ def _impossible(balance: Balance, fit: Fit, index: int) -> bool:
     item = fit.axis.effects[index]
     kept = tuple(other for other in fit.axis.effects if other is not item)
     own = balance.residual(replace(fit.axis, effects=kept)) - balance.residual(fit.axis)
-    return bool(item.term.warn(item.values)) or float(np.std(own[balance.train])) > LARGEST * balance.torque_size
+    size = math.sqrt(float(np.mean(own[balance.train] ** 2)))
+    return bool(item.term.warn(item.values)) or size > LARGEST * balance.torque_size
 
 
 @dataclass(frozen=True)
@@ -489,7 +490,9 @@ def contest(
 
 def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
     """Drop effects (beyond the believed ones) that no longer earn their place, or that cannot be beside the others."""
-    while len(fit.axis.effects) > believed + 1:
+    fewest = believed + 1  # a lone effect has just earned its place; what others leave behind has not
+    while len(fit.axis.effects) > fewest:
+        fewest = believed
         spread = max(1.0, fit.squares / balance.effective_count)
         fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         losses = []
@@ -497,7 +500,7 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
             count = sum(f.owner == index for f in fit.free)
             limit = threshold(balance, [fit.axis.effects[index].term], count, 1.0)
             loss = (alone.squares - fit.squares) / spread - limit
-            losses.append(-math.inf if _impossible(balance, fit, index) else loss)
+            losses.append(-math.inf if _implausible(balance, fit.axis, fit, index) else loss)
         if min(losses) > 0.0:
             break
         fit = settle(balance, fewer[int(np.argmin(losses))].axis, rounds=1)
