@@ -57,10 +57,14 @@ def test_pendulum_on_a_servo(name: str, shared_data: Path) -> None:
 
 
 def test_slow_motor(shared_data: Path) -> None:
-    """Real, 10 s, irregular sampling, one direction: cogging of 7 per turn."""
+    """Real, 10 s, irregular sampling, one direction: cogging of 7 per turn, its second harmonic, and 28."""
     found = diagnosed(shared_data / "data" / "odrive_slow")
     assert named(found, "cogging").parameters["order"]["value"] == pytest.approx(7.0, abs=0.1)
+    assert abs(named(found, "cogging").parameters["amplitude_2"]["value"]) > 0.1
+    orders = [item.parameters["order"]["value"] for item in found.effects if item.effect == "cogging"]
+    assert any(order == pytest.approx(28.0, abs=0.3) for order in orders)
     assert not {"coulomb_asymmetry", "viscous_asymmetry"} & {item.effect for item in found.effects}
+    assert found.improved.held_out < 0.4 * found.retuned.held_out
 
 
 def test_too_little_motion_is_no_match(shared_data: Path) -> None:

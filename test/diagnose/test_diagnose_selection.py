@@ -6,12 +6,21 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from structure_cases import DT, Motion, axis, conditioned, settled
 
 from tcs_friction.diagnose.background import Background
-from tcs_friction.diagnose.hypotheses import Start, all_starts, climbed, starts, together
-from tcs_friction.diagnose.selection import close_behind, outstanding, searched_anew, select, settle
-from tcs_friction.physics.registry import effect
+from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed, starts, together
+from tcs_friction.diagnose.selection import (
+    chance,
+    close_behind,
+    outstanding,
+    prune,
+    searched_anew,
+    select,
+    settle,
+)
+from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import instance
 
 STEP = 100.37  # s
@@ -102,3 +111,26 @@ def test_two_starts_are_always_fitted_and_others_only_if_they_may_win() -> None:
     assert [s.name for s in close_behind(found)] == ["imbalance", "cable_wrap"]
     assert [s.name for s in close_behind([*found, start("load_step", 50.0)])] == ["imbalance", "load_step"]
     assert close_behind([]) == []
+
+
+def test_chance_is_chi_squared_over_all_that_was_looked_at() -> None:
+    assert stats.chi2.sf(chance(2, 50.0), 2) * 50.0 * len(effects()) == pytest.approx(0.01)
+    assert chance(1, 1.0) < chance(1, 10.0) < chance(2, 10.0)
+
+
+def test_what_an_impossible_effect_leaves_behind_must_earn_its_place() -> None:
+    """An encoder that counts backwards goes; a bias beside it stays only where there is one."""
+    for bias, kept in ((0.3, ["torque_bias"]), (0.0, [])):
+        balance, fit = settled(conditioned(np.random.default_rng(11), lambda m, bias=bias: np.full(len(m.t), bias)))
+        error = instance(effect("encoder_periodic_error"), {"order": 40.0, "amplitude": 0.1, "phase": 0.0})
+        both = fit.axis.with_effect(error).with_effect(instance(effect("torque_bias"), {"bias": 0.3}))
+        free = [f for f in balance.free(both) if f.owner != 0]
+        pruned = prune(balance, balance.fit(both, free), 0)
+        assert [item.term.id for item in pruned.axis.effects] == kept
+
+
+def test_harmonics_belong_to_a_first_one() -> None:
+    cogging = effect("cogging")
+    plain = {"order": 18.0, "amplitude": 1.0, "phase": 0.0}
+    assert _leads(instance(cogging, plain | {"amplitude_2": 1.5}))
+    assert not _leads(instance(cogging, plain | {"amplitude_4": 4.0}))

@@ -11,8 +11,9 @@ from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.basis import Even, Hats, Odd, One, Product, Wave
 from tcs_friction.diagnose.coarse import Coarse, regress
 from tcs_friction.diagnose.structure import Structure, remaining_structure
+from tcs_friction.diagnose.verdict import _mapped
 from tcs_friction.physics.registry import effect
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.terms import Table, instance
 
 
 def improved(balance: Balance, fit: Fit, structure: Structure) -> np.ndarray:
@@ -161,3 +162,13 @@ def test_table_shows_the_map(product: Product) -> None:
         nodes = np.linspace(two.lower, two.upper, grid.shape[1])
         shown = np.array([np.interp(b, nodes, row) for b, row in zip(y, np.transpose(columns), strict=True)])
     np.testing.assert_allclose(shown, direct, atol=0.05 if isinstance(one, Wave) else 1e-9)
+
+
+def test_a_map_that_makes_it_worse_is_not_taken() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(12), lambda m: 2.0 * np.sin(3.0 * m.q)))
+    q = balance.data.joined("position")
+    grid = np.linspace(q.min(), q.max(), 200)
+    for sign in (1.0, -1.0):
+        table = Table(("position",), (float(q.min()),), (float(q.max()),), sign * 2.0 * np.sin(3.0 * grid))
+        mapped = _mapped(balance, fit, Structure(("position",), 0.0, 1.4, 1.0, None, table))
+        assert (mapped is fit) == (sign < 0.0)
