@@ -140,7 +140,9 @@ class Conclusions:
         return {names[k]: float(std) for k, std in zip(index, deviation, strict=True) if k < kept}
 
 
-def refit(problem: Problem, unknowns: np.ndarray, space: Space, loss: str, iterations: int) -> Refined:
+def refit(
+    problem: Problem, unknowns: np.ndarray, space: Space, loss: str, iterations: int, tolerance: float | None = None
+) -> Refined:
     """Refine a few steps on those samples that count."""
     return refine(
         problem.linearised,
@@ -151,7 +153,7 @@ def refit(problem: Problem, unknowns: np.ndarray, space: Space, loss: str, itera
         space,
         loss,
         iterations,
-        problem.tolerance,
+        problem.tolerance if tolerance is None else tolerance,
     )
 
 

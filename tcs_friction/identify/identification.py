@@ -35,7 +35,7 @@ CONTRADICTED = "predictions contradict the fit of torques, which is kept: the mo
 WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinion; steps of its fit
 SAME_VALLEY = 1.01  # times the least cost: another search that ends so near has found the same
 MOST_SEARCHES = 10  # until the least cost is found twice
-VALLEY_STEPS = 30  # of the fit that ends each
+VALLEY_STEPS, VALLEY_GAIN = 30, 1e-3  # of the fit that ends each: steps, and the relative gain that ends it
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(
     population=48, generations=1, swarm_generations=24, genetic_generations=0, velocity_limit=0.1
@@ -194,7 +194,8 @@ def _search(
         return found, cost.unknowns(found.position)
     ends: list[tuple[pso_ga.SearchResult, Refined]] = []
     while found.outcome is not Outcome.CANCELLED:
-        ends.append((found, refit(problem, cost.unknowns(found.position), space, options.loss, VALLEY_STEPS)))
+        start = cost.unknowns(found.position)
+        ends.append((found, refit(problem, start, space, options.loss, VALLEY_STEPS, VALLEY_GAIN)))
         costs = np.array([end.cost for _, end in ends])
         if np.count_nonzero(costs <= SAME_VALLEY * costs.min()) == 2 or len(ends) == MOST_SEARCHES:
             break
