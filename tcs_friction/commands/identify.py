@@ -8,16 +8,19 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
-from tcs_friction.errors import JobError, writing_into
+from tcs_friction.errors import InputError, JobError, nearest, writing_into
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.conclusions import UNCERTAINTIES
 from tcs_friction.identify.identification import METHODS, IdentifyOptions, identified_axis, identify
+from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
 from tcs_friction.physics.registry import law as law_named
@@ -25,6 +28,8 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 
 ALL = "all"
+ADJUSTABLE = ("pso-ga", "pso", "ga")
+SETTINGS = tuple(field.name for field in fields(SwarmOptions))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method", choices=METHODS, default="default", help="default: swarm, then Levenberg-Marquardt"
     )
+    parser.add_argument(
+        "--swarm", action="append", default=[], metavar="NAME=VALUE",
+        help=f"a setting of {', '.join(ADJUSTABLE)}, as often as needed: {', '.join(SETTINGS)}",
+    )  # fmt: skip
     parser.add_argument("--hold-inertia", action="store_true", help="keep the axis file's inertia")
     parser.add_argument("--no-offset", action="store_true", help="allow no constant torque")
     parser.add_argument(
@@ -65,6 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         offset=not arguments.no_offset,
         loss=arguments.loss,
         bandwidth=arguments.bandwidth,
+        swarm=_swarm(arguments.swarm, arguments.method),
         uncertainty=arguments.uncertainty,
         profile=arguments.profile,
     )
@@ -94,6 +104,27 @@ def run(arguments: argparse.Namespace) -> int:
         expected = "a recording with reversals and several speeds"
         raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
     return 0
+
+
+def _swarm(words: Sequence[str], method: str) -> SwarmOptions:
+    """Settings from NAME=VALUE; InputError for names and values that cannot be, and for methods that have none to choose."""
+    if words and method not in ADJUSTABLE:
+        raise InputError(
+            "--swarm", f"method {method} has settings of its own", f"--method {' or '.join(ADJUSTABLE)}"
+        )
+    values: dict[str, Any] = {}
+    for word in words:
+        name, _, text = word.partition("=")
+        if name not in SETTINGS:
+            raise InputError("--swarm", repr(name), nearest(name, SETTINGS))
+        whole = isinstance(getattr(SwarmOptions, name), int)
+        try:
+            values[name] = int(text) if whole else float(text)
+        except ValueError:
+            raise InputError(
+                "--swarm", f"{name} is {text!r}", "a whole number" if whole else "a number"
+            ) from None
+    return SwarmOptions(**values)
 
 
 def _silent(_: Generation) -> None:

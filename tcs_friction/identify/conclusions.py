@@ -141,7 +141,12 @@ class Conclusions:
 
 
 def refit(
-    problem: Problem, unknowns: np.ndarray, space: Space, loss: str, iterations: int, tolerance: float | None = None
+    problem: Problem,
+    unknowns: np.ndarray,
+    space: Space,
+    loss: str,
+    iterations: int,
+    tolerance: float | None = None,
 ) -> Refined:
     """Refine a few steps on those samples that count."""
     return refine(

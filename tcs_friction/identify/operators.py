@@ -8,7 +8,8 @@ to a new place in the box.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -37,6 +38,9 @@ class SwarmOptions:
     budget: int = 200_000  # cost evaluations at most
 
     def __post_init__(self) -> None:
+        for field in fields(self):
+            if not math.isfinite(getattr(self, field.name)):
+                raise InputError(f"pso-ga: {field.name}", repr(getattr(self, field.name)), "a finite number")
         for name in ("population", "generations", "stagnation", "budget"):
             least = 4 if name == "population" else 1
             if getattr(self, name) < least:

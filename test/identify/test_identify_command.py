@@ -51,6 +51,11 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
         ([bag, "--axis", axis, "--law", "lugr"], "lugre"),
         ([bag, "--axis", axis, "--bandwidth", "-3"], "bandwidth"),
         ([str(tmp_path / "none"), "--axis", axis], "none"),
+        ([bag, "--axis", axis, "--swarm", "population=40"], "method default"),
+        ([bag, "--axis", axis, "--method", "pso", "--swarm", "populatoin=40"], "population"),
+        ([bag, "--axis", axis, "--method", "pso", "--swarm", "population=4.5"], "a whole number"),
+        ([bag, "--axis", axis, "--method", "pso", "--swarm", "population=2"], "at least 4"),
+        ([bag, "--axis", axis, "--method", "pso", "--swarm", "crossover=nan"], "finite"),
     ):
         assert main(["identify", *words, "-o", str(tmp_path / "out")]) == 2
         error = capsys.readouterr().err
@@ -58,3 +63,23 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
         assert error.startswith("tcs-friction: ")
         assert message in error
     assert not (tmp_path / "out").exists()
+
+
+def test_settings_of_a_swarm(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shared_data / "data" / "emps"
+    words = [
+        "identify",
+        str(folder / "recording"),
+        "--axis",
+        str(folder / "axis.yaml"),
+        "-o",
+        str(tmp_path),
+        "--json",
+    ]
+    assert (
+        main([*words, "--law", "lugre", "--method", "pso", "--swarm", "population=8", "--swarm", "budget=50"])
+        == 0
+    )
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["outcome"] == "budget spent"
+    assert printed["evaluations"] < 100  # the rest judges what was found
