@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tcs_friction.config import load_axis
+from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.condition import condition
 from tcs_friction.diagnose.result import Diagnosis, Found
+from tcs_friction.diagnose.selection import settle
 from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
 from tcs_friction.recording.bags import read_recordings
 
 
@@ -46,6 +53,25 @@ def test_ball_screw(shared_data: Path) -> None:
     order = named(found, "cogging").parameters["order"]["value"]
     assert 1.0 / order == pytest.approx(2.5e-3, rel=2e-3)
     assert found.improved.held_out < 1.6 < 3.0 < found.retuned.held_out
+
+
+def test_the_offset_of_the_ball_screw_is_friction_by_direction(shared_data: Path) -> None:
+    """The published model has an offset of -3.2 N; beside viscous friction by direction nothing of it is left."""
+    folder = shared_data / "data" / "emps"
+    file = load_axis(folder / "axis.yaml")
+    assert file.signals is not None
+    balance = Balance(condition(read_recordings([folder / "recording"], file.signals)))
+    bias = instance(effect("torque_bias"), {"bias": -3.0})
+    asymmetry = instance(effect("viscous_asymmetry"), {"asymmetry": -40.0})
+    ripple = instance(effect("cogging"), {"order": 399.7, "amplitude": 1.0, "phase": 0.0})
+    held_out, left = [], []
+    for effects in ((bias,), (asymmetry,), (bias, asymmetry, ripple)):
+        fit = settle(balance, replace(file.axis, effects=effects))
+        held_out.append(float(np.sqrt(np.mean(balance.residual(fit.axis)[balance.held_out] ** 2))))
+        left.append(fit.axis.effects[0].values)
+    assert left[0]["bias"] == pytest.approx(-3.3, abs=0.2)
+    assert held_out[1] < 0.8 * held_out[0]
+    assert abs(left[2]["bias"]) < 0.3
 
 
 @pytest.mark.parametrize("name", ["bam_sin_sin_kp200", "bam_sin_sin_kp800"])
