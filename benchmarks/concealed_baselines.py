@@ -1,9 +1,9 @@
 """What one would do without a diagnosis: regress the residual of the believed simulation on a library of functions.
 
-Two baselines on the same recordings: sparse regression as SINDy does it (sequentially thresholded least squares,
-Brunton et al. 2016; pysindy's where it is installed) with the model's own parameters in the library, and forward stepwise
-regression on what retuning the model leaves, without retuning again. Both start from the retuned model and know the
-shapes of the vocabulary, on grids where a shape has parameters; the first is told the noise floor.
+Two baselines on the same recordings: sparse regression as SINDy does it (sequentially thresholded least squares, Brunton et
+al. 2016; pysindy's, or the same written out where there is no network) with the model's own parameters in the library, and
+forward stepwise regression on what retuning the model leaves, without retuning again. Both start from the retuned model and
+know the shapes of the vocabulary, on grids where a shape has parameters; the first is told the noise floor.
 """
 
 from __future__ import annotations
