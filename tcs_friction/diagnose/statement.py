@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from tcs_friction.diagnose.result import Errors, Found, Unexplained
 from tcs_friction.physics.terms import Place, Role
 
+SPOKEN = 3  # effects with their numbers in the sentence; the table has them all
+
 
 def statement(
     verdict: str,
@@ -29,7 +31,9 @@ def statement(
             f" to {held['retuned']} {unit} ({floor})."
         )
     else:
-        names = " and ".join(_phrase(found, unit) for found in effects)
+        names = listed([_phrase(found, unit) for found in effects[:SPOKEN]])
+        if len(effects) > SPOKEN:
+            names += f", and smaller {listed(effect_words(effects[SPOKEN:]))}"
         gain = f"the held-out residual falls from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
         over = " and ".join((unexplained.where or {}).get("coordinates", []))
         if verdict == "missing_physics":
@@ -40,10 +44,24 @@ def statement(
             text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
             text += f", beside {names}" if names else ""
             text += f"; with a learned map {gain}: look at what changes with {over}."
-    cancel = [f.effect.replace("_", " ") for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)]
+    cancel = effect_words([f for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)])
     if cancel:
-        text += f" A feed-forward compensator can cancel {' and '.join(cancel)}."
+        text += f" A feed-forward compensator can cancel {listed(cancel)}."
     return text + "".join(f" Not to be judged from this: {line}." for line in limits)
+
+
+def effect_words(effects: Sequence[Found]) -> list[str]:
+    """The effects' names in words, each once."""
+    return list(dict.fromkeys(found.effect.replace("_", " ") for found in effects))
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words as a sentence has them.
+
+    >>> listed(["cogging", "drag", "wind"]), listed(["cogging", "drag"]), listed(["cogging"]), listed([])
+    ('cogging, drag and wind', 'cogging and drag', 'cogging', '')
+    """
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def _phrase(found: Found, unit: str) -> str:

@@ -186,7 +186,8 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
 
 def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
     fit, unit = diagnosis["fit"], evidence.torque_unit
-    found = ", ".join(e["effect"].replace("_", " ") for e in diagnosis["effects"]) or "nothing"
+    names = dict.fromkeys(e["effect"].replace("_", " ") for e in diagnosis["effects"])
+    found = ", ".join(names) or "nothing"
     improved, floor = fit["improved"]["held_out"], fit["noise_floor"]
     over = f"{improved / floor:.2f} times the noise floor" if floor else "noise floor unknown"
     return [

@@ -1,0 +1,41 @@
+"""The sentence: a few effects with their numbers, no name twice, what can be cancelled."""
+
+from __future__ import annotations
+
+from tcs_friction.diagnose.result import Errors, Found, Unexplained
+from tcs_friction.diagnose.statement import statement
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
+
+ERRORS = {name: Errors(x, x) for name, x in (("believed", 3.0), ("retuned", 2.0), ("improved", 0.5))}
+
+
+def found(name: str, **values: float) -> Found:
+    given = {k: {"value": v, "std": 0.1, "unit": effect(name).parameter(k).unit} for k, v in values.items()}
+    item = instance(effect(name), values)
+    return Found(item, (), 1.0, given, {}, 0.7, 2.0, 0.5, -100.0)
+
+
+def said(*effects: Found, verdict: str = "missing_physics") -> str:
+    where = Unexplained(verdict == "unexplained", 0.4, {"coordinates": ["position", "time"]})
+    return statement(verdict, effects, where, ERRORS, 0.45, (), "rotary")
+
+
+def test_two_orders_of_one_effect_are_two_effects_and_one_remedy() -> None:
+    text = said(*(found("cogging", order=order, amplitude=1.0) for order in (7.0, 28.0)))
+    assert "cogging (order 7 1/turn, amplitude 1 N m; 0.7 N m rms) and cogging (order 28 1/turn" in text
+    assert text.endswith("A feed-forward compensator can cancel cogging.")
+
+
+def test_more_than_three_effects_are_not_all_spelled_out() -> None:
+    ripple = found("torque_ripple", order=18.0, amplitude=0.1)
+    large = [found("cogging", order=order, amplitude=1.0) for order in (7.0, 12.0, 28.0)]
+    text = said(*large, ripple, ripple)
+    assert text.count("(order") == 3
+    assert ", and smaller torque ripple: with them the held-out residual falls from 2 (retuned) to 0.5 N m" in text
+
+
+def test_without_a_name_it_says_where_to_look() -> None:
+    text = said(verdict="unexplained")
+    assert "remains, 0.4 N m rms over position and time; with a learned map" in text
+    assert "compensator" not in text
