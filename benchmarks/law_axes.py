@@ -28,7 +28,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "load": (0.05, 0.15),
     "load_stribeck": (0.02, 0.08),
 }
-IMBALANCE = 60.0  # N m, known, for laws that depend on the load
+WRAP = 9000.0  # N m/rad, known, for laws that depend on the load: +-60 N m; one that is constant would not tell its share
 
 
 def draw(name: str, random: np.random.Generator) -> Axis:
@@ -42,11 +42,13 @@ def draw(name: str, random: np.random.Generator) -> Axis:
         values["damping"] *= 2.0 * math.sqrt(values["stiffness"] * inertia)
     defaults = {p.name: p.default for p in term.parameters if p.name not in RANGES and p.default is not None}
     drive = Drive(limit=1000.0, noise=random.uniform(0.2, 0.33), noise_bandwidth=10.0)
-    return Axis("azimuth", inertia, instance(term, {**defaults, **values}), known(name), sensors=ENCODER, drive=drive)
+    return Axis(
+        "azimuth", inertia, instance(term, {**defaults, **values}), known(name), sensors=ENCODER, drive=drive
+    )
 
 
 def known(name: str) -> tuple[Instance, ...]:
     """What is known of the axis beside the law: a load, if the friction depends on it."""
     if not any(p.name == "load" for p in law(name).parameters):
         return ()
-    return (instance(effect("imbalance"), {"amplitude": IMBALANCE, "phase": 0.5 * math.pi}),)
+    return (instance(effect("cable_wrap"), {"stiffness": WRAP}),)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import butter, lfilter_zi
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.models import AnyModel, first_directions
+from tcs_friction.identify.models import LoadedModel, first_directions, general_model
 from tcs_friction.identify.motion import FILTER_ORDER, Motion, coarse, unsure_start
 from tcs_friction.identify.problem import Problem, thinning
 from tcs_friction.physics.terms import Parameter, Role
@@ -334,7 +334,7 @@ class AnyCost:
     def __init__(self, problem: Problem, free_inertia: bool, free_offset: bool, start: np.ndarray) -> None:
         index, motion = coarse(problem.motion, search_stride(problem.motion, 2 * SEARCH_POINTS // 3))
         self._thin = thinning(motion)
-        self._model = AnyModel(problem.axis, motion)
+        self._model = general_model(problem.axis, motion)
         self._start, self._problem = start, problem
         self._weight = _weights_at(problem, index[self._thin.centres])
         parameters = problem.axis.friction.term.parameters
@@ -354,22 +354,32 @@ class AnyCost:
         )
         self._fixed = {problem.inertia_index: known[:, 0], problem.offset_index: known[:, 1]}
         self._target = known[:, 2] - sum(start[k] * self._fixed[k] for k in held)
+        self._rest = {problem.inertia_index: motion.acceleration, problem.offset_index: np.ones(len(motion))}
+        self._held = sum((start[k] * self._rest[k] for k in held), np.zeros(len(motion)))
         size = scales(problem, float(start[problem.inertia_index]))
         self.box = law_box(tuple(parameters[k] for k in self._searched), size)
 
-    def _torque(self, law: np.ndarray) -> np.ndarray:
-        return self._thin.modelled(self._model.torque(law, np.zeros(0))[:, None])[:, 0]
+    def _smoothed(self, column: np.ndarray) -> np.ndarray:
+        """(m,) of (n,)."""
+        return self._thin.modelled(column[:, None])[:, 0]
+
+    def _column(self, k: int, law: np.ndarray) -> np.ndarray:
+        """(m,) torque by an unknown that is solved for; with friction that grows with the load, it depends on the law."""
+        if isinstance(self._model, LoadedModel):
+            if k in self._rest:
+                return self._fixed[k] + self._smoothed(self._model.growth(law) * self._rest[k])
+            return self._smoothed(self._model.column(k, law))
+        if k not in self._fixed:
+            self._fixed[k] = self._smoothed(self._model.column(k, law))
+        return self._fixed[k]
 
     def _fit(self, position: np.ndarray) -> tuple[np.ndarray, float]:
         unknowns = self._start.copy()
         unknowns[self._searched] = self.box.values(position)
         law = unknowns[: self._problem.law_size].copy()
         law[self._linear] = 0.0
-        torque = self._torque(law)
-        for k in self._solved:
-            if k not in self._fixed:
-                self._fixed[k] = self._thin.modelled(self._model.column(k, law)[:, None])[:, 0]
-        columns = [self._fixed[k] for k in self._solved]
+        torque = self._smoothed(self._model.torque(law, np.zeros(0), self._held))
+        columns = [self._column(k, law) for k in self._solved]
         root = np.sqrt(self._weight)
         aim = root * (self._target - torque)
         if columns:

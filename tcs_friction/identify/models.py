@@ -20,17 +20,21 @@ PROLOGUE = (
 STEP = 1e-3  # relative, of central differences: torque that jumps moves in steps of samples, which shorter ones would show
 FORGOTTEN = 1e-4  # of the torque's range: less of it depends on what was before a stretch
 
+LEAST_PASSED = 1e-3  # of a torque at the rotor, by friction that grows with it: with none left the axis would lock itself
 SLIDING = 0.5  # of the usual torque, at least, in a stretch that starts with sliding friction
 
 
 class Model(Protocol):
-    """A law over one Motion. Parameters are the law's own, in the order of its declaration."""
+    """A law over one Motion. Parameters are the law's own, in the order of its declaration.
 
-    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
+    rest: N m (n,) that inertia and offset require, for friction that grows with the load.
+    """
+
+    def torque(self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
         """(n,) N m of friction (and effects that depend on it)."""
 
     def derivatives(
-        self, values: np.ndarray, initial: np.ndarray
+        self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Torque (n,), its derivatives (n, p), and that by the stretch's own initial bristle torque (n,) or None."""
 
@@ -84,12 +88,19 @@ class Walk:
         self._law = self._machine.parameters[start : start + len(axis.friction.term.parameters)]
         self._out = np.empty((len(motion), 8))
 
-    def run(self, values: np.ndarray | None = None, ways: np.ndarray | None = None) -> np.ndarray:
+    def run(
+        self,
+        values: np.ndarray | None = None,
+        ways: np.ndarray | None = None,
+        torque: np.ndarray | None = None,
+    ) -> np.ndarray:
         """(n, 8), valid until the next run; `values` of the law in the order of its declaration.
 
         ways (s,): 1 or -1 for stretches before which the axis slid that way, 0 for others; by default as the recording has it.
+        torque (n,): N m of the drive, by default as logged.
         """
         motion, machine = self.motion, self._machine
+        torque = motion.torque if torque is None else torque
         if values is not None:
             self._law[:] = values
         for part, way in zip(motion.stretches, self._ways if ways is None else ways, strict=True):
@@ -99,7 +110,7 @@ class Walk:
                 _slide(machine, motion, part.start, way, self._signals)
             compiled.evaluate(
                 machine, motion.t[part], motion.position[part], motion.velocity[part],
-                motion.acceleration[part], motion.torque[part], self._signals[:, part], motion.resolution,
+                motion.acceleration[part], torque[part], self._signals[:, part], motion.resolution,
                 self._out[part],
             )  # fmt: skip
         return self._out
@@ -163,11 +174,14 @@ class LuGreModel:
         kernels.sensitivities(self._velocity, self._travel, self._bounds, self.as_lugre(values), initial, out)
         return out
 
-    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:
+    def torque(self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:  # noqa: ARG002
         return self._run(values, initial)[:, 0]
 
     def derivatives(
-        self, values: np.ndarray, initial: np.ndarray
+        self,
+        values: np.ndarray,
+        initial: np.ndarray,
+        rest: np.ndarray | float = 0.0,  # noqa: ARG002
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         out = self._run(values, initial)
         return out[:, 0], out[:, 1:7], out[:, 7]
@@ -180,9 +194,9 @@ class DahlModel(LuGreModel):
         return np.array([values[0], values[0], 1.0, values[1], 0.0, values[2]])
 
     def derivatives(
-        self, values: np.ndarray, initial: np.ndarray
+        self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        torque, slopes, first = super().derivatives(values, initial)
+        torque, slopes, first = super().derivatives(values, initial, rest)
         return torque, np.column_stack([slopes[:, 0] + slopes[:, 1], slopes[:, 3], slopes[:, 5]]), first
 
 
@@ -201,10 +215,18 @@ class AnyModel:
         self._linear = [k for k, p in enumerate(parameters) if p.role is Role.LINEAR]
         self._columns: dict[int, np.ndarray] = {}  # of what the torque is proportional to
 
-    def torque(self, values: np.ndarray, initial: np.ndarray) -> np.ndarray:  # noqa: ARG002
-        out = self._walk.run(np.clip(values, *self._bounds))
+    def torque(self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:  # noqa: ARG002
+        return self.loaded(values, self._walk.motion.torque)
+
+    def loaded(self, values: np.ndarray, load: np.ndarray) -> np.ndarray:
+        """(n,) N m of friction under this torque (n,) of the drive."""
+        out = self._walk.run(np.clip(values, *self._bounds), torque=load)
         moving: np.ndarray = out[:, compiled.REQUIRED] - out[:, compiled.OPPOSED]
         return moving - out[:, compiled.MOVED] * self._acceleration
+
+    def bare(self, values: np.ndarray) -> np.ndarray:
+        """(n,) N m of friction that no load adds to."""
+        return self.loaded(values, self._walk.motion.torque)
 
     def level(self, values: np.ndarray) -> np.ndarray:
         """(n,) dry friction that is available."""
@@ -229,13 +251,13 @@ class AnyModel:
         if k not in self._columns:
             unit, none = values.copy(), values.copy()
             none[k], unit[k] = 0.0, 1e6 * self._least[k]
-            self._columns[k] = (self.torque(unit, none) - self.torque(none, none)) / unit[k]
+            self._columns[k] = (self.bare(unit) - self.bare(none)) / unit[k]
         return self._columns[k]
 
     def derivatives(
-        self, values: np.ndarray, initial: np.ndarray
+        self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        torque = self.torque(values, initial)
+        torque = self.torque(values, initial, rest)
         slopes = np.empty((len(torque), len(values)))
         for k in range(len(values)):
             if k in self._linear:
@@ -247,8 +269,60 @@ class AnyModel:
                 min(values[k] + step, self._bounds[1][k]),
                 max(values[k] - step, self._bounds[0][k]),
             )
-            slopes[:, k] = (self.torque(high, initial) - self.torque(low, initial)) / (high[k] - low[k])
+            apart = self.torque(high, initial, rest) - self.torque(low, initial, rest)
+            slopes[:, k] = apart / (high[k] - low[k])
         return torque, slopes, None
+
+
+class LoadedModel(AnyModel):
+    """A law that is affine in the torque u at the rotor, F(u) = F(0) + share u, as friction growing with the load is.
+
+    The torque that a motion requires then follows without the logged one, whose noise would be on both sides of a comparison
+    and look like friction: u = (rest + F(0)) / (1 - share), with rest = inertia, offset and believed opposing torques. Of the
+    logged torque only the sign is used, through the share.
+    """
+
+    def __init__(self, axis: Axis, motion: Motion) -> None:
+        known = background(axis, motion)
+        effects = tuple(item for item in axis.effects if item.term.place is not Place.DRIVE)
+        axis = replace(axis, effects=effects)
+        super().__init__(axis, replace(motion, torque=known.rotor))
+        self._rotor, self._opposing = known.rotor, known.opposing
+        self._nothing = np.zeros(len(motion))
+        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
+
+    def torque(self, values: np.ndarray, initial: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:  # noqa: ARG002
+        bare, growth = self._parts(values)
+        return np.asarray(bare + growth * (bare + rest + self._opposing))
+
+    def growth(self, values: np.ndarray) -> np.ndarray:
+        """(n,) by how much friction grows with each N m that inertia and offset require: share / (1 - share)."""
+        return self._parts(values)[1]
+
+    def _parts(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F(0) (n,) and the growth (n,); those of the last values are remembered."""
+        if self._last is None or not np.array_equal(self._last[0], values):
+            bare = self.bare(values)
+            grown = self.loaded(values, self._rotor) - bare
+            share = np.divide(grown, self._rotor, out=np.zeros(len(grown)), where=self._rotor != 0.0)
+            self._last = values.copy(), (bare, 1.0 / np.maximum(1.0 - share, LEAST_PASSED) - 1.0)
+        return self._last[1]
+
+    def bare(self, values: np.ndarray) -> np.ndarray:
+        return self.loaded(values, self._nothing)
+
+    def column(self, k: int, values: np.ndarray) -> np.ndarray:
+        return np.asarray((1.0 + self.growth(values)) * super().column(k, values))
+
+
+def reads_load(axis: Axis) -> bool:
+    """Whether the friction law depends on the torque at the rotor."""
+    return "torque" in axis.friction.term.reads
+
+
+def general_model(axis: Axis, motion: Motion) -> AnyModel:
+    """The model of any law."""
+    return LoadedModel(axis, motion) if reads_load(axis) and not motion.measured else AnyModel(axis, motion)
 
 
 def model_for(axis: Axis, motion: Motion) -> Model:
@@ -258,4 +332,4 @@ def model_for(axis: Axis, motion: Motion) -> Model:
         return LuGreModel(motion)
     if law == "dahl_viscous" and not depends_on_law(axis):
         return DahlModel(motion)
-    return AnyModel(axis, motion)
+    return general_model(axis, motion)

@@ -8,7 +8,15 @@ import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from tcs_friction.identify import kernels
-from tcs_friction.identify.models import AnyModel, Model, background, memoryless, model_for
+from tcs_friction.identify.models import (
+    AnyModel,
+    LoadedModel,
+    Model,
+    background,
+    memoryless,
+    model_for,
+    reads_load,
+)
 from tcs_friction.identify.motion import (
     SAMPLES_PER_CYCLE,
     Motion,
@@ -161,8 +169,15 @@ class Problem:
     def torque(self, unknowns: np.ndarray) -> np.ndarray:
         """(m,) modelled torque."""
         k = self.law_size
-        friction = self.thin.modelled(self.model.torque(unknowns[:k], unknowns[k + 2 :])[:, None])[:, 0]
+        law = self.model.torque(unknowns[:k], unknowns[k + 2 :], self._rest(unknowns))
+        friction = self.thin.modelled(law[:, None])[:, 0]
         return np.asarray(friction + unknowns[k] * self.acceleration + unknowns[k + 1])
+
+    def _rest(self, unknowns: np.ndarray) -> np.ndarray:
+        """(n,) torque that inertia and offset require."""
+        return np.asarray(
+            unknowns[self.inertia_index] * self.motion.acceleration + unknowns[self.offset_index]
+        )
 
     def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
         """The same, by the name that a fit knows."""
@@ -171,7 +186,7 @@ class Problem:
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Torque (m,) and its derivatives by every unknown (m, p)."""
         k = self.law_size
-        law, slopes, first = self.model.derivatives(unknowns[:k], unknowns[k + 2 :])
+        law, slopes, first = self.model.derivatives(unknowns[:k], unknowns[k + 2 :], self._rest(unknowns))
         stretches = self.motion.stretches
         states = np.zeros((len(law), len(stretches)))
         if first is not None and len(stretches) <= MOST_INITIAL_STATES:
@@ -180,6 +195,9 @@ class Problem:
         columns = self.thin.modelled(np.column_stack([law, slopes, states]))
         torque = columns[:, 0] + unknowns[k] * self.acceleration + unknowns[k + 1]
         rest = np.column_stack([self.acceleration, np.ones(len(torque))])
+        if isinstance(self.model, LoadedModel):
+            growth = self.model.growth(unknowns[:k])
+            rest += self.thin.modelled(np.column_stack([growth * self.motion.acceleration, growth]))
         return torque, np.hstack([columns[:, 1 : 1 + k], rest, columns[:, 1 + k :]])
 
 
@@ -218,12 +236,17 @@ def _fine(axis: Axis, motion: Motion) -> Fine | None:
     if motion.raw is None or any(item.term.place is Place.SENSOR for item in axis.effects):
         return None
     motion = resmoothed(windows(motion, MOST_SAMPLES, WINDOW), SHARPER * motion.bandwidth)
-    model = model_for(axis, motion)
     position, torque = np.asarray(motion.raw)
     prompt = background(replace(axis, actuation_delay=0.0), replace(motion, torque=torque)).rotor
+    if reads_load(
+        axis
+    ):  # a prediction from the torque as it is, which pushes and loads at once, shares no noise with its error
+        motion = replace(motion, torque=torque)
+    made = AnyModel if reads_load(axis) else model_for
+    model = made(axis, motion)
     torque = prompt - background(axis, motion).opposing
     jitter = motion.resolution / 3.0 * np.where(np.arange(len(motion)) % 2, -1.0, 1.0)
-    shaken = model_for(axis, replace(motion, velocity=motion.velocity + jitter))
+    shaken = made(axis, replace(motion, velocity=motion.velocity + jitter))
     fine = Fine(
         position, torque, motion.bounds, 1.0 / motion.rate, motion.density, axis.actuation_delay,
         model, shaken, np.arange(len(motion)), motion.velocity, jitter,
