@@ -511,7 +511,7 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
     """The fit without effects that a torque of unknown cause, as large and as slow as what is left, explains by chance.
 
     Whitening is estimated from what does not repeat and does not reach down to slow torques; here the residual as it is counts
-    as noise, its density (one-sided, N^2 m^2/Hz) averaged over its own power.
+    as noise, its density (one-sided, N^2 m^2/Hz) averaged over its own power. It may be far from Gaussian: odds are squared.
     """
     while len(fit.axis.effects) > believed:
         residual = balance.residual(fit.axis)
@@ -521,7 +521,7 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
         margins = []
         for index, alone in enumerate(fewer, believed):
             energy = float(np.sum(balance.residual(alone.axis)[balance.train] ** 2 - residual[balance.train] ** 2))
-            needed = chance(sum(f.owner == index for f in fit.free), 1.0)
+            needed = chance(sum(f.owner == index for f in fit.free), 1.0 / FALSE_ALARM)
             margins.append(energy * balance.data.dt - 0.5 * density * needed)
         if min(margins) > 0.0:
             break
