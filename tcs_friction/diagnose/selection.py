@@ -39,6 +39,7 @@ ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through th
 FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing is missing
 MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
+IMPERFECT, IMPERFECT_AT_MOST = 3e-4, 0.02  # of the power that others explain, of the noise power: what their errors may leave
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
 BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, too
@@ -382,12 +383,12 @@ def select(
             )
         candidates = one_round(balance, fit, barred, pairs=True)
         selection.rounds.append(candidates)
-        if not candidates or candidates[0].score <= 0.0:
+        if not candidates or candidates[0].score <= 0.0 or candidates[0].gain < imperfection(balance, retuned, fit):
             break
         fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
         earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
         fit = searched_anew(balance, fit, range(believed, earlier))
-        selection.chosen = fit = prune(balance, fit, believed)
+        selection.chosen = fit = prune(balance, fit, retuned)
         if hopeless is not None and len(fit.axis.effects) > believed + 1 and hopeless(selection):
             break
     return selection
@@ -488,8 +489,17 @@ def contest(
     return fit, Rivals(alone, same, gain, candidates)
 
 
-def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
-    """Drop effects (beyond the believed ones) that no longer earn their place, or that cannot be beside the others."""
+def imperfection(balance: Balance, retuned: Fit, fit: Fit) -> float:
+    """Gain that effects may leave to others because they are not known exactly: a share of theirs, at most of the noise power."""
+    squares = balance.squares(fit.axis)
+    spread = max(1.0, squares / balance.effective_count)
+    explained = (balance.squares(retuned.axis) - squares) / spread
+    return min(IMPERFECT * explained, IMPERFECT_AT_MOST * balance.effective_count)
+
+
+def prune(balance: Balance, fit: Fit, retuned: Fit) -> Fit:
+    """Drop effects beyond those of the retuned fit that no longer earn their place, or that cannot be beside the others."""
+    believed = len(retuned.axis.effects)
     fewest = believed + 1  # a lone effect has just earned its place; what others leave behind has not
     while len(fit.axis.effects) > fewest:
         fewest = believed
@@ -499,7 +509,7 @@ def prune(balance: Balance, fit: Fit, believed: int) -> Fit:
         for index, alone in enumerate(fewer, believed):
             count = sum(f.owner == index for f in fit.free)
             limit = threshold(balance, [fit.axis.effects[index].term], count, 1.0)
-            loss = (alone.squares - fit.squares) / spread - limit
+            loss = (alone.squares - fit.squares) / spread - max(limit, imperfection(balance, retuned, alone))
             losses.append(-math.inf if _implausible(balance, fit.axis, fit, index) else loss)
         if min(losses) > 0.0:
             break

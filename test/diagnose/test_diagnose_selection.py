@@ -125,7 +125,7 @@ def test_what_an_impossible_effect_leaves_behind_must_earn_its_place() -> None:
         error = instance(effect("encoder_periodic_error"), {"order": 40.0, "amplitude": 0.1, "phase": 0.0})
         both = fit.axis.with_effect(error).with_effect(instance(effect("torque_bias"), {"bias": 0.3}))
         free = [f for f in balance.free(both) if f.owner != 0]
-        pruned = prune(balance, balance.fit(both, free), 0)
+        pruned = prune(balance, balance.fit(both, free), fit)
         assert [item.term.id for item in pruned.axis.effects] == kept
 
 
