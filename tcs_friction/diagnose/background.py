@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import fft
 
-from tcs_friction.diagnose.balance import Balance, Free, at_bound, pairs
+from tcs_friction.diagnose.balance import Balance, Free, at_bound, pairs, rms
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
@@ -57,13 +57,14 @@ class Background:
             spectrum = fft.rfft(driven[begin:end], count) * item.term.transfer(item.values, s)
             added[begin:end] = fft.irfft(spectrum, count, overwrite_x=True)[: end - begin]
         before = self.balance.scale(size)
-        after = self.balance.scale(_rms((rotor + added)[self.balance.train])) if drive else before
+        after = self.balance.scale(rms((rotor + added)[self.balance.train])) if drive else before
         return np.asarray((after / before - 1.0) * self.residual + after * added)
 
     def column_by_motion(self, item: Instance) -> np.ndarray:
         """`column` of friction that follows the load, the load taken from the motion."""
         parts = self.balance.parts
-        plain, loaded = (parts.friction_by_motion(self.axis, x) for x in (self.axis, self.axis.with_effect(item)))
+        loads = parts.loads_by_motion(self.axis)
+        plain, loaded = (parts.friction_under(x, loads) for x in (self.axis, self.axis.with_effect(item)))
         return plain - loaded
 
     def columns(self, items: Sequence[Instance]) -> np.ndarray:
@@ -75,10 +76,6 @@ class Background:
         gram = columns.T @ columns
         amplitudes = np.linalg.lstsq(gram, -(columns.T @ self.white), rcond=1e-12)[0]
         return float(-(columns.T @ self.white) @ amplitudes), amplitudes
-
-
-def _rms(x: np.ndarray) -> float:
-    return math.sqrt(float(np.mean(x**2)))
 
 
 def survey(balance: Balance, axis: Axis) -> Survey:

@@ -158,7 +158,7 @@ class Balance:
         self.local_weight = np.ones(
             len(self.train)
         )  # 1/variance of the whitened noise relative to the record's
-        self.torque_size = float(np.sqrt(np.mean(data.joined("torque")[self.train] ** 2)))
+        self.torque_size = rms(data.joined("torque")[self.train])
         self.parts = Parts(data)
         self.reproducible = Reproducible(data)
         self._refresh_rows()
@@ -405,6 +405,11 @@ class Balance:
         covariance = np.linalg.pinv(normal, hermitian=True)
         squares = float(white @ white)
         return Fit(axis, tuple(free), covariance, squares, converged)
+
+
+def rms(x: np.ndarray) -> float:
+    """Root of the mean square; of nothing 0."""
+    return math.sqrt(float(np.mean(x**2))) if len(x) else 0.0
 
 
 def at_bound(axis: Axis, free: Sequence[Free], k: int) -> int:

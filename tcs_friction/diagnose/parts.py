@@ -73,20 +73,21 @@ class Parts:
             total += self._demand(axis, group, remember)
         return np.asarray(total)
 
-    def friction_by_motion(self, axis: Axis, loaded: Axis) -> np.ndarray:
-        """Friction of `loaded` where the load is the torque that the motion of `axis` requires instead of the logged one.
+    def loads_by_motion(self, axis: Axis) -> list[np.ndarray]:
+        """Torque that the motion requires at the rotor, N m, low-passed, at all samples of each stretch.
 
-        The noise of that is the motion's, where the logged torque's own noise is in every residual, too.
+        Its noise is the motion's, where the logged torque's own noise is in every residual, too.
         """
         terms = [item for item in axis.terms if item.term.place not in (Place.DRIVE, Place.SENSOR)]
-        parts = []
-        for s, motion in zip(self.data.stretches, self._motion(axis, True)[1:], strict=True):
-            torque, demand = np.empty(len(s.t)), np.empty(len(s.t))
-            self._walk(axis, terms, s, motion, s.torque, torque)
-            torque = self.data.smoothed(torque + axis.inertia * motion[2])
-            self._walk(loaded, _friction(loaded), s, motion, torque, demand)
-            parts.append(self.data.narrowed(demand))
-        return np.concatenate(parts)
+        stretches = zip(self.data.stretches, self._motion(axis, True)[1:], strict=True)
+        return [
+            self.data.smoothed(self._walk(axis, terms, s, motion, s.torque) + axis.inertia * motion[2])
+            for s, motion in stretches
+        ]
+
+    def friction_under(self, axis: Axis, loads: Sequence[np.ndarray]) -> np.ndarray:
+        """Friction at the compared samples under these torques at the rotor instead of the logged ones."""
+        return self._narrowed_walks(axis, _friction(axis), self._motion(axis, True)[1:], loads)
 
     def _drive(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
         """Torque at the rotor where it is compared, its rms over the train data, then at all samples of each stretch."""
@@ -134,12 +135,7 @@ class Parts:
         def walk() -> tuple[np.ndarray, ...]:
             stretches, motions = self.data.stretches, self._motion(axis, remember)[1:]
             torques = self._drive(axis, remember)[2:] if loaded else [s.torque for s in stretches]
-            parts = []
-            for s, motion, torque in zip(stretches, motions, torques, strict=True):
-                demand = np.empty(len(s.t))
-                self._walk(axis, group, s, motion, torque, demand)
-                parts.append(self.data.narrowed(demand))
-            return (np.concatenate(parts),)
+            return (self._narrowed_walks(axis, group, motions, torques),)
 
         key = (
             _key(group),
@@ -154,18 +150,22 @@ class Parts:
         """Seconds between the samples that are evaluated."""
         return self.data.dt / self.data.stride
 
+    def _narrowed_walks(
+        self, axis: Axis, terms: Sequence[Instance], motions: Sequence[np.ndarray], torques: Sequence[np.ndarray]
+    ) -> np.ndarray:
+        """What some terms demand at the compared samples of all stretches, under these torques at the rotor."""
+        stretches = zip(self.data.stretches, motions, torques, strict=True)
+        return np.concatenate(
+            [self.data.narrowed(self._walk(axis, terms, s, motion, torque)) for s, motion, torque in stretches]
+        )
+
     def _walk(
-        self,
-        axis: Axis,
-        terms: Sequence[Instance],
-        s: Stretch,
-        motion: np.ndarray,
-        torque: np.ndarray,
-        out: np.ndarray,
-    ) -> None:
+        self, axis: Axis, terms: Sequence[Instance], s: Stretch, motion: np.ndarray, torque: np.ndarray
+    ) -> np.ndarray:
         """`machine.evaluate_demand` of some terms over every sample of a stretch."""
-        built = self._built(axis, terms, motion)
+        built, out = self._built(axis, terms, motion), np.empty(len(s.t))
         machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, out)
+        return out
 
     def _built(self, axis: Axis, terms: Sequence[Instance], motion: np.ndarray) -> machine.Machine:
         """Some terms, ready to walk through a stretch's motion (3, n)."""

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import ndimage, stats
 
 from tcs_friction.diagnose.background import Background, survey
-from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
+from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound, rms
 from tcs_friction.diagnose.hypotheses import (
     Start,
     all_starts,
@@ -190,8 +190,7 @@ def _impossible(balance: Balance, fit: Fit, index: int) -> bool:
     item = fit.axis.effects[index]
     kept = tuple(other for other in fit.axis.effects if other is not item)
     own = balance.residual(replace(fit.axis, effects=kept)) - balance.residual(fit.axis)
-    size = math.sqrt(float(np.mean(own[balance.train] ** 2)))
-    return bool(item.term.warn(item.values)) or size > LARGEST * balance.torque_size
+    return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
 
 
 @dataclass(frozen=True)
@@ -311,13 +310,8 @@ def simplest(balance: Balance, candidates: list[Candidate]) -> Candidate:
     return min(close, key=lambda c: (sum(len(item.term.parameters) for item in c.items), -c.score))
 
 
-def one_round(
-    balance: Balance,
-    fit: Fit,
-    barred: frozenset[str] = frozenset(),
-    pairs: bool = False,
-) -> list[Candidate]:
-    """All effects on top of a fit, and pairs of them where asked for; the promising ones fitted jointly, best first."""
+def one_round(balance: Balance, fit: Fit, barred: frozenset[str] = frozenset()) -> list[Candidate]:
+    """All effects on top of a fit, and the best pair of them; the promising ones fitted jointly, best first."""
     background = Background(balance, fit.axis, fit.free)
     spread = dispersion(background)
     base = _judged(balance, fit)
@@ -333,11 +327,10 @@ def one_round(
             best.setdefault(start.name, []).append(start)
     several = [some[:2] if some[0].instance.term.jagged else some[:1] for some in best.values()]
     promising = close_behind(list(itertools.chain.from_iterable(several)))[:TRIED]
-    if pairs:
-        single = max((promise(start, 1.0) for start in found), default=0.0)
-        both = max(together(background, found), key=lambda pair: promise(pair, 1.0), default=None)
-        if both is not None and promise(both, 1.0) > max(single, 0.0):
-            promising.append(both)
+    single = max((promise(start, 1.0) for start in found), default=0.0)
+    both = max(together(background, found), key=lambda pair: promise(pair, 1.0), default=None)
+    if both is not None and promise(both, 1.0) > max(single, 0.0):
+        promising.append(both)
 
     def refined(start: Start) -> Candidate:
         return refine(balance, fit.axis, climbed(background, start), base, spread)
@@ -381,7 +374,7 @@ def select(
             progress(
                 0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
             )
-        candidates = one_round(balance, fit, barred, pairs=True)
+        candidates = one_round(balance, fit, barred)
         selection.rounds.append(candidates)
         if not candidates or candidates[0].score <= 0.0 or candidates[0].gain < imperfection(balance, retuned, fit):
             break

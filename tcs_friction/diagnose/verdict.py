@@ -11,7 +11,7 @@ import numpy as np
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.atlas import AtlasEntry, atlas
-from tcs_friction.diagnose.balance import Balance, Fit
+from tcs_friction.diagnose.balance import Balance, Fit, rms
 from tcs_friction.diagnose.condition import Conditioned, condition
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
 from tcs_friction.diagnose.experiment import next_experiment
@@ -144,7 +144,7 @@ def _mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
         return fit
     axis = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
     mapped = settle(balance, axis, rounds=1)
-    with_map, without = (_rms(balance.residual(x.axis)[balance.train]) for x in (mapped, fit))
+    with_map, without = (rms(balance.residual(x.axis)[balance.train]) for x in (mapped, fit))
     if with_map < without:
         return mapped
     balance.weigh(balance.residual(fit.axis))
@@ -198,7 +198,7 @@ class _Judge:
 
     def _errors(self, residual: np.ndarray) -> Errors:
         train, held = residual[self.balance.train], residual[self.balance.held_out]
-        return Errors(_rms(train), _rms(held) if len(held) else _rms(train))
+        return Errors(rms(train), rms(held) if len(held) else rms(train))
 
     def _verdict(self, errors: Mapping[str, Errors], unexplained: Unexplained, found: Sequence[Found]) -> str:
         """What is left counts beside what the named effects explain; collisions are real though none comes at its exact time."""
@@ -250,9 +250,9 @@ class _Judge:
             probability=certainty / (1 + len(equivalent)),
             parameters=self._parameters(index, item),
             where=_where(item, self.fit.axis),
-            torque_rms=_rms(effect_torque),
-            before=_rms(before[held]),
-            after=_rms(after[held]),
+            torque_rms=rms(effect_torque),
+            before=rms(before[held]),
+            after=rms(after[held]),
             delta_bic=penalty - gain,
         )
 
@@ -355,10 +355,6 @@ def _equivalent(item: Instance, rivals: Rivals | None) -> tuple[str, ...]:
 
 def _with_effects(axis: Axis, effects: tuple[Instance, ...]) -> Axis:
     return replace(axis, effects=effects)
-
-
-def _rms(x: np.ndarray) -> float:
-    return math.sqrt(float(np.mean(x**2))) if len(x) else 0.0
 
 
 def _deviation(

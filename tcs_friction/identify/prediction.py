@@ -90,15 +90,8 @@ class Predictor(ABC):
         self.evaluations = 0
 
     @abstractmethod
-    def _filter(
-        self,
-        laws: np.ndarray,
-        rest: np.ndarray,
-        bounds: np.ndarray,
-        errors: np.ndarray,
-        variances: np.ndarray,
-    ) -> None:
-        """Fill errors and variances (m, n) for laws (m, k) and the rest (m, 7): inertia, offset, delay, rate and size of the
+    def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
+        """Fill errors and variances (2, m, n) for laws (m, k) and the rest (m, 7): inertia, offset, delay, rate and size of the
         disturbance, encoder noise, size of the drift."""
 
     def resolves(self, unknowns: np.ndarray) -> bool:  # noqa: ARG002
@@ -115,10 +108,10 @@ class Predictor(ABC):
         if samples is not None and samples < bounds[-1]:
             bounds = np.array([*bounds[bounds < samples - 2], samples])
         self.evaluations += len(unknowns)
-        errors = np.empty((len(unknowns), int(bounds[-1])))
-        variances = np.empty_like(errors)
-        self._filter(unknowns[:, :-REST], rest, bounds, errors, variances)
-        return _bounded(errors), np.maximum(_bounded(variances), SMALLEST)
+        out = np.empty((2, len(unknowns), int(bounds[-1])))
+        self._filter(unknowns[:, :-REST], rest, bounds, out)
+        errors, variances = _bounded(out)
+        return errors, np.maximum(variances, SMALLEST)
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Take the errors' standard deviations from these unknowns."""
@@ -189,18 +182,9 @@ class LuGrePredictor(Predictor):
         super().__init__(fine, space, speed)
         self._model = model
 
-    def _filter(
-        self,
-        laws: np.ndarray,
-        rest: np.ndarray,
-        bounds: np.ndarray,
-        errors: np.ndarray,
-        variances: np.ndarray,
-    ) -> None:
+    def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
         candidates = np.column_stack([np.array([self._model.as_lugre(values) for values in laws]), rest])
-        kernel.predict(
-            self._position, self._torque, self._impulse, bounds, self.fine.dt, candidates, errors, variances
-        )
+        kernel.predict(self._position, self._torque, self._impulse, bounds, self.fine.dt, candidates, *out)
 
     def resolves(self, unknowns: np.ndarray) -> bool:
         """Whether steps are short against the bristles' own swing and decay."""
@@ -219,14 +203,7 @@ class ForcedPredictor(Predictor):
         self._rows: dict[bytes, np.ndarray] = {}
         self._slope = np.zeros(len(fine.position))
 
-    def _filter(
-        self,
-        laws: np.ndarray,
-        rest: np.ndarray,
-        bounds: np.ndarray,
-        errors: np.ndarray,
-        variances: np.ndarray,
-    ) -> None:
+    def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
         different, law = np.unique(laws, axis=0, return_inverse=True)
         known, self._rows = self._rows, {}
         for values in different:
@@ -234,7 +211,7 @@ class ForcedPredictor(Predictor):
             self._rows[key] = known[key] if key in known else self._friction(self.fine.model, values)
         forced_kernel.predict(
             self._position, self._torque, self._impulse, np.array(list(self._rows.values())), law,
-            self.fine.velocity, self._slope, bounds, self.fine.dt, np.ascontiguousarray(rest), errors, variances,
+            self.fine.velocity, self._slope, bounds, self.fine.dt, np.ascontiguousarray(rest), *out,
         )  # fmt: skip
 
     def weigh(self, unknowns: np.ndarray) -> None:

@@ -303,10 +303,11 @@ def evaluate(
     available dry friction, its mobilised share (1), opposing torque of effects, moving inertia (kg m^2).
     """
     motion = m.motion
+    slope = arrest_per_speed(m, resolution)
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         a = measured_instant(m, t[i], dt, position[i], velocity[i], acceleration[i], signals, i)
-        motion[ARREST] = arrest_per_speed(m, resolution) * motion[VELOCITY]
+        motion[ARREST] = slope * motion[VELOCITY]
         motion[TORQUE] = torque[i]
         for k in range(m.ends[0]):
             motion[TORQUE] = call_term(m, k, dt)

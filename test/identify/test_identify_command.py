@@ -11,20 +11,24 @@ from tcs_friction.cli import main
 from tcs_friction.config import load_axis
 
 
-def test_emps_from_bag_to_files(
-    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = shared_data / "data" / "emps"
-    words = [
+def words(folder: Path, output: Path) -> list[str]:
+    """The command for a folder of shared data."""
+    return [
         "identify",
         str(folder / "recording"),
         "--axis",
         str(folder / "axis.yaml"),
         "-o",
-        str(tmp_path),
+        str(output),
         "--json",
     ]
-    assert main(words) == 0
+
+
+def test_emps_from_bag_to_files(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shared_data / "data" / "emps"
+    assert main(words(folder, tmp_path)) == 0
     captured = capsys.readouterr()
     printed = json.loads(captured.out)
     assert (
@@ -46,7 +50,7 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
     bag, axis = str(folder / "recording"), str(folder / "axis.yaml")
     bare = tmp_path / "bare.yaml"
     bare.write_text("axis: {inertia: 1.0, friction: {law: coulomb_viscous, coulomb: 1.0, viscous: 1.0}}\n")
-    for words, message in (
+    for given, message in (
         ([bag, "--axis", str(bare)], "no signals block"),
         ([bag, "--axis", axis, "--law", "lugr"], "lugre"),
         ([bag, "--axis", axis, "--bandwidth", "-3"], "bandwidth"),
@@ -57,7 +61,7 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
         ([bag, "--axis", axis, "--method", "pso", "--swarm", "population=2"], "at least 4"),
         ([bag, "--axis", axis, "--method", "pso", "--swarm", "crossover=nan"], "finite"),
     ):
-        assert main(["identify", *words, "-o", str(tmp_path / "out")]) == 2
+        assert main(["identify", *given, "-o", str(tmp_path / "out")]) == 2
         error = capsys.readouterr().err
         assert error.count("\n") == 1
         assert error.startswith("tcs-friction: ")
@@ -66,20 +70,8 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
 
 
 def test_settings_of_a_swarm(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = shared_data / "data" / "emps"
-    words = [
-        "identify",
-        str(folder / "recording"),
-        "--axis",
-        str(folder / "axis.yaml"),
-        "-o",
-        str(tmp_path),
-        "--json",
-    ]
-    assert (
-        main([*words, "--law", "lugre", "--method", "pso", "--swarm", "population=8", "--swarm", "budget=50"])
-        == 0
-    )
+    settings = ["--law", "lugre", "--method", "pso", "--swarm", "population=8", "--swarm", "budget=50"]
+    assert main([*words(shared_data / "data" / "emps", tmp_path), *settings]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["outcome"] == "budget spent"
     assert printed["evaluations"] < 100  # the rest judges what was found

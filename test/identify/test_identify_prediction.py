@@ -20,6 +20,7 @@ from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
 
 DT = 1e-3
+DRIVEN = np.array([[DT**2 / 3.0, DT / 2.0], [DT / 2.0, 1.0]])  # of velocity and itself, by a random acceleration
 CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 0.4 * DT, 60.0, 2e-4, 5e-8, 1e-4])
 
 
@@ -48,30 +49,31 @@ def after_step(x: np.ndarray, push: float, p: np.ndarray) -> np.ndarray:
     return np.array([x[0] + DT * x[1] + 0.5 * DT**2 * a, x[1] + DT * a, end, x[3] * keep, x[4] * stay])
 
 
+def measured(
+    state: np.ndarray, spread: np.ndarray, position: float, encoder: float
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """State and covariance after a measured position, its error of prediction and the variance of that."""
+    variance, error = float(spread[0, 0] + encoder**2), float(position - state[0])
+    gain = spread[:, 0] / variance
+    return state + gain * error, spread - np.outer(gain, spread[0]), error, variance
+
+
 def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same filter with matrices and numerical derivatives, one sample at a time."""
     offset, delay, rate, size, encoder, drift = p[7:]
     keep = np.exp(-rate * DT)
     power = size**2 * (1.0 - keep**2)
     noise = np.zeros((5, 5))
-    noise[1, 1], noise[1, 3], noise[3, 1], noise[3, 3] = (
-        power * DT**2 / 3,
-        power * DT / 2,
-        power * DT / 2,
-        power,
-    )
+    noise[np.ix_([1, 3], [1, 3])] = power * DRIVEN
     noise[4, 4] = drift**2 * (1.0 - np.exp(-2.0 * SLOW * DT))
     state = np.array([position[0], (position[1] - position[0]) / DT, 0.0, 0.0, 0.0])
     first = [encoder**2, 2 * (encoder / DT) ** 2 + state[1] ** 2, (p[1] / p[3]) ** 2, size**2, drift**2]
     spread = np.diag(first)
     errors, variances = [], []
     for k in range(len(position)):
-        total = spread[0, 0] + encoder**2
-        errors.append(position[k] - state[0])
-        variances.append(total)
-        gain = spread[:, 0] / total
-        state = state + gain * errors[-1]
-        spread = spread - np.outer(gain, spread[0])
+        state, spread, error, variance = measured(state, spread, position[k], encoder)
+        errors.append(error)
+        variances.append(variance)
         share = delay / DT  # of the step in which the torque before still acts
         after = torque[min(k + 1, len(torque) - 1)]
         push = (1.0 - share) * after + share * torque[k] - offset
@@ -205,12 +207,7 @@ def forced(
     keep, stay, half = np.exp(-rate * DT), np.exp(-SLOW * DT), 0.5 * DT**2
     power = size**2 * (1.0 - keep**2)
     noise = np.zeros((4, 4))
-    noise[1, 1], noise[1, 2], noise[2, 1], noise[2, 2] = (
-        power * DT**2 / 3,
-        power * DT / 2,
-        power * DT / 2,
-        power,
-    )
+    noise[np.ix_([1, 2], [1, 2])] = power * DRIVEN
     noise[3, 3] = drift**2 * (1.0 - stay**2)
     v = (position[1] - position[0]) / DT
     state, spread = (
@@ -219,11 +216,9 @@ def forced(
     )
     errors, variances = [], []
     for k in range(len(position)):
-        total = spread[0, 0] + encoder**2
-        errors.append(position[k] - state[0])
-        variances.append(total)
-        gain = spread[:, 0] / total
-        state, spread = state + gain * errors[-1], spread - np.outer(gain, spread[0])
+        state, spread, error, variance = measured(state, spread, position[k], encoder)
+        errors.append(error)
+        variances.append(variance)
         if k == len(push):
             break
         along = 1.0 - 0.5 * DT * drag[k]
