@@ -352,14 +352,12 @@ class Balance:
         prior: np.ndarray | None = None,
         iterations: int = 12,
         tolerance: float = 1.0,
-        needed: float = math.inf,
     ) -> Fit:
         """Levenberg-Marquardt on whitened train residuals.
 
         `prior` (k,) is the standard deviation that keeps a number that the data do not determine near its start (inf: none).
         Stops when a step gains less than `tolerance` (units of chi-squared, of the noise that the fit itself shows). Derivatives
-        that foretold a step's gain serve for the next one, too. A fit whose squares are not below `needed` after half
-        the iterations is given up.
+        that foretold a step's gain serve for the next one, too.
         """
         start = get(axis, free)
         strength = np.zeros(len(free)) if prior is None else 1.0 / np.asarray(prior) ** 2
@@ -369,9 +367,7 @@ class Balance:
         damping, converged, numbers = 1e-4, False, start.copy()
         normal, foretold = np.diag(strength), False
         columns = np.empty((0, len(free)))
-        for number in range(iterations):
-            if 2 * number >= iterations and cost > needed:
-                break
+        for _ in range(iterations):
             if not foretold:
                 columns = self.jacobian(axis, free, residual)
                 normal = columns.T @ columns + np.diag(strength)

@@ -42,6 +42,7 @@ LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against ano
 IMPERFECT, IMPERFECT_AT_MOST = 3e-4, 0.02  # of the power that others explain, of the noise power: what their errors may leave
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
+STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best one's gain there, that a candidate needs to go on
 BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, too
 RIVALS = 6  # that compete for a chosen effect's place
 MOST = 6  # effects
@@ -146,17 +147,36 @@ def slow_part(balance: Balance, white: np.ndarray) -> np.ndarray:
     return np.asarray(ndimage.uniform_filter1d(white, window))
 
 
-def refine(balance: Balance, axis: Axis, start: Start, base: Fit, spread: float) -> Candidate:
-    """The candidate after a joint fit from its start.
+def refine(balance: Balance, axis: Axis, starts: Sequence[Start], base: Fit, spread: float) -> list[Candidate]:
+    """The candidates after joint fits from their starts; half way, only those that may still win go on."""
+    fits = side_by_side(partial(_joined, balance, axis), starts)
+    needed = base.squares - WINNING * (base.squares - min((fit.squares for fit in fits), default=0.0))
+
+    def finished(fit: Fit) -> Fit:
+        return fit if fit.converged or fit.squares > needed else _stepped(balance, fit.axis)
+
+    fits = side_by_side(finished, fits)
+    return side_by_side(lambda pair: _candidate(balance, axis, *pair, base, spread), zip(starts, fits, strict=True))
+
+
+def _joined(balance: Balance, axis: Axis, start: Start) -> Fit:
+    """The first steps of the joint fit of an axis with what a start adds."""
+    for item in start.instances:
+        axis = _widened(balance, axis, item)
+    return _stepped(balance, axis)
+
+
+def _stepped(balance: Balance, axis: Axis) -> Fit:
+    free = balance.free(axis)
+    return balance.fit(axis, free, prior(free), iterations=STEPS, tolerance=0.5)
+
+
+def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, spread: float) -> Candidate:
+    """What a fit from a start is worth beside the base.
 
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
     feed on noise gain by it at high frequency. What they gain must show in the slow part as well.
     """
-    widened = axis
-    for item in start.instances:
-        widened = _widened(balance, widened, item)
-    free = balance.free(widened)
-    fit = balance.fit(widened, free, prior(free), iterations=6, tolerance=0.5, needed=base.squares)
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
@@ -332,10 +352,8 @@ def one_round(balance: Balance, fit: Fit, barred: frozenset[str] = frozenset()) 
     if both is not None and promise(both, 1.0) > max(single, 0.0):
         promising.append(both)
 
-    def refined(start: Start) -> Candidate:
-        return refine(balance, fit.axis, climbed(background, start), base, spread)
-
-    return confirmed(balance, base, side_by_side(refined, promising), spread)
+    promising = side_by_side(partial(climbed, background), promising)
+    return confirmed(balance, base, refine(balance, fit.axis, promising, base, spread), spread)
 
 
 def close_behind(found: Sequence[Start]) -> list[Start]:
@@ -465,9 +483,9 @@ def contest(
     spread = max(1.0, fit.squares / balance.effective_count)
     gain = (alone.squares - balance.squares(fit.axis)) / spread
     item = fit.axis.effects[index]
-    close = close_behind(rivals)
-    refined = side_by_side(lambda start: refine(balance, alone.axis, start, alone, spread), close)
-    candidates = confirmed(balance, alone, refined, spread)
+    candidates = confirmed(
+        balance, alone, refine(balance, alone.axis, close_behind(rivals), alone, spread), spread
+    )
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
     same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)

@@ -87,7 +87,7 @@ def test_the_true_axis_leaves_whitened_noise(plain: Recording) -> None:
     fit = settle(balance, axis())
     assert fit.squares / balance.effective_count == pytest.approx(1.0, abs=0.25)
     assert fit.axis.inertia == pytest.approx(1.2, rel=0.05)
-    assert fit.axis.friction.values["coulomb"] == pytest.approx(2.0, rel=0.02)
+    assert fit.axis.friction.values["coulomb"] == pytest.approx(2.0, rel=0.03)  # the feedback takes 2 % of it
 
 
 def test_only_effects_that_feed_on_noise_have_to_be_material() -> None:

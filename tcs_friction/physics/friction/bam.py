@@ -6,23 +6,21 @@ c = coulomb + load |u|,   s - c = static - coulomb + load_stribeck |u|,   u the 
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from tcs_friction.physics.friction.coulomb_viscous import static_friction
 from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
+from tcs_friction.physics.friction.stribeck_static import stribeck_fall
 from tcs_friction.physics.terms import TORQUE, VELOCITY, Parameter, Place, Term, kernel
 
 
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     coulomb, static, stribeck_velocity, viscous, exponent, load, load_stribeck = parameters[:7]
-    ratio = abs(motion[VELOCITY] / stribeck_velocity)
     torque = abs(motion[TORQUE])
     drop = static - coulomb + load_stribeck * torque
-    return float(
-        static_friction(motion, coulomb + load * torque + drop * math.exp(-(ratio**exponent)), viscous)
-    )
+    fall = stribeck_fall(motion[VELOCITY] / stribeck_velocity, exponent)
+    return float(static_friction(motion, coulomb + load * torque + drop * fall, viscous))
 
 
 TERM = Term(

@@ -9,18 +9,25 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from numba import njit
+
 from tcs_friction.physics.friction.coulomb_viscous import static_friction
 from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
 from tcs_friction.physics.terms import VELOCITY, Parameter, Place, Term, kernel
 
 
+@njit(cache=True, error_model="numpy")
+def stribeck_fall(ratio: float, exponent: float) -> float:
+    """exp(-|ratio|^exponent), the share of static over Coulomb friction that is left at a ratio of velocities."""
+    power = ratio * ratio if exponent == 2.0 else abs(ratio) ** exponent  # a power takes as long as all else
+    return math.exp(-power)
+
+
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     coulomb, static, stribeck_velocity, viscous, exponent = parameters[:5]
-    ratio = abs(motion[VELOCITY] / stribeck_velocity)
-    return float(
-        static_friction(motion, coulomb + (static - coulomb) * math.exp(-(ratio**exponent)), viscous)
-    )
+    fall = stribeck_fall(motion[VELOCITY] / stribeck_velocity, exponent)
+    return float(static_friction(motion, coulomb + (static - coulomb) * fall, viscous))
 
 
 TERM = Term(
