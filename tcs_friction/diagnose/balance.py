@@ -19,7 +19,7 @@ from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Parameter, Role
+from tcs_friction.physics.terms import Parameter, Place, Role
 
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
@@ -216,9 +216,10 @@ class Balance:
         """Independent samples in the whitened train rows: their band ends at the cutoff."""
         return len(self.rows) * min(1.0, 2.0 * self.data.cutoff * self.data.dt)
 
-    def weigh(self, residual: np.ndarray) -> None:
-        """Take the noise, and where it is louder than usual, from a residual (n,)."""
-        self.estimate_noise(residual)
+    def weigh(self, axis: Axis) -> None:
+        """Take the noise, and where it is louder than usual, from an axis' residual."""
+        residual = self.residual(axis)
+        self.estimate_noise(residual, axis)
         self.estimate_local_noise(residual)
 
     def estimate_local_noise(self, residual: np.ndarray) -> None:
@@ -270,13 +271,13 @@ class Balance:
         ]
         self.rows = np.nonzero(np.concatenate(inside))[0]
 
-    def estimate_noise(self, residual: np.ndarray) -> None:
-        """Set the whitening filter from the residual's train part.
+    def estimate_noise(self, residual: np.ndarray, axis: Axis | None = None) -> None:
+        """Set the whitening filter from the train part of a residual, that of the axis.
 
         The spectrum is a median over blocks of time and over neighbouring frequencies, so that neither bursts nor lines (which
         may be the physics that is looked for) count as noise. The filter is its inverse square root, zero-phase.
         """
-        frequency, power = self.noise_spectrum(residual)
+        frequency, power = self.noise_spectrum(residual, axis)
         inside = frequency <= self.data.cutoff
         power = np.where(inside, power, power[inside].max())  # what the filter took away is no lack of noise
         half = self._half_length()
@@ -294,8 +295,11 @@ class Balance:
         block = float(np.median(edges[1::2] - edges[::2]))
         return max(4, int(min(WHITENING_SECONDS / self.data.dt, block / 20.0)))
 
-    def noise_spectrum(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies (Hz) and robust power density of what a residual has beside its reproducible part, train data, N m^2/Hz."""
+    def noise_spectrum(self, residual: np.ndarray, axis: Axis | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies (Hz) and robust power density of what a residual has beside its reproducible part, train data, N m^2/Hz.
+
+        Lines are no noise, but where bodies that swing on the `axis` of this residual amplify that of the motion.
+        """
         residual = self.reproducible.remove(residual)
         length = 1 << max(5, min(10, int(math.log2(max(len(self.rows) / 24.0, 32)))))
         window = signal.get_window("hann", length)
@@ -312,20 +316,23 @@ class Balance:
             )
         middle = np.median(blocks, axis=0) / math.log(2.0)
         middle[0] = middle[1] if len(middle) > 1 else middle[0]
-        middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="reflect")
-        return np.fft.rfftfreq(length, self.data.dt), np.maximum(middle, 1e-12 * middle.max())
+        frequency, smooth = np.fft.rfftfreq(length, self.data.dt), max(3, length // 64 * 2 + 1)
+        usual = ndimage.median_filter(middle, smooth, mode="reflect")
+        if axis is not None:
+            gain = _motion_gain(axis, frequency)
+            amplified = gain * ndimage.median_filter(middle / gain, smooth, mode="reflect")
+            usual = np.maximum(usual, np.minimum(middle, amplified))
+        return frequency, np.maximum(usual, 1e-12 * usual.max())
 
-    def noise_floor(self, residual: np.ndarray) -> float:
-        """N m rms of the residual's robust spectrum."""
-        frequency, power = self.noise_spectrum(residual)
+    def noise_floor(self, axis: Axis) -> float:
+        """N m rms of the robust spectrum of an axis' residual."""
+        frequency, power = self.noise_spectrum(self.residual(axis), axis)
         return math.sqrt(float(np.trapezoid(power, frequency)))
 
     def misfit(self, axis: Axis) -> float:
         """Power of the residual over that of its noise, at least one: how far the best model is from all that could be known."""
         residual = self.residual(axis)
-        return max(
-            1.0, float(np.mean(residual[self.train] ** 2)) / max(self.noise_floor(residual) ** 2, 1e-300)
-        )
+        return max(1.0, float(np.mean(residual[self.train] ** 2)) / max(self.noise_floor(axis) ** 2, 1e-300))
 
     def columns(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
         """Derivative of the residual (n, k) by the free numbers, by forward differences; at an upper bound backwards."""
@@ -401,6 +408,16 @@ class Balance:
         covariance = np.linalg.pinv(normal, hermitian=True)
         squares = float(white @ white)
         return Fit(axis, tuple(free), covariance, squares, converged)
+
+
+def _motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
+    """Squared gain with which bodies that swing on an axis let noise of its acceleration through, at frequencies (n,), Hz."""
+    s = 2j * math.pi * frequency
+    gain = np.ones(len(s), dtype=complex)
+    for item in axis.effects:
+        if item.term.place is Place.BODY and item.term.transfer is not None:
+            gain += item.term.transfer(item.values, s)
+    return np.maximum(np.abs(gain) ** 2, 1e-12)
 
 
 def rms(x: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance
 
 MOVING = 3.0  # times the velocity noise
 FEWEST = 20  # samples that move
@@ -48,6 +50,19 @@ def limits(data: Conditioned, axis: Axis) -> tuple[str, ...]:
 def barred(data: Conditioned, axis: Axis) -> frozenset[str]:
     """Effects that no diagnosis of this data should name."""
     return frozenset().union(*(limit.effects for limit in _found(data, axis)))
+
+
+def passed_once(data: Conditioned, effects: Sequence[Instance]) -> tuple[str, ...]:
+    """One line for each found effect in a single place that the axis passed only once, held-out data included."""
+    lines = []
+    for item in effects:
+        if item.term.local:
+            near = [np.abs(s.position - item.values["centre"]) < item.values["width"] for s in data.stretches]
+            passes = sum(int(np.count_nonzero(np.diff(x, prepend=False) & x)) for x in near)
+            if passes == 1:
+                name = item.term.id.replace("_", " ")
+                lines.append(f"whether the {name} belongs to its place or to the moment at which the axis passed it, once")
+    return tuple(lines)
 
 
 def check_units(data: Conditioned, axis: Axis) -> None:

@@ -49,6 +49,7 @@ MOST = 6  # effects
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
 ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin
 WORSE = 1.01  # by which the plain residual may grow on pieces that a candidate was not fitted to
+AROUND = 3.0  # widths about its centre, where a local effect that was passed once must account for all
 ONCE = 0.1  # of a candidate's gain, or what chance gives, must come from other pieces than the best
 PRIOR = 1.0  # log units by which a base parameter may wander from the believed one if the data do not say
 Progress = Callable[[float, str], None]
@@ -102,13 +103,13 @@ def prior(free: list[Free] | tuple[Free, ...]) -> np.ndarray:
 
 def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
     """Joint fit of everything the axis has, noise and weights estimated along the way."""
-    balance.estimate_noise(balance.residual(axis))
+    balance.estimate_noise(balance.residual(axis), axis)
     fit = None
     for i in range(rounds):
         free = balance.free(axis)
         fit = balance.fit(axis, free, prior(free), iterations=20 if i == 0 else 8)
         axis = fit.axis
-        balance.weigh(balance.residual(axis))
+        balance.weigh(axis)
     assert fit is not None
     return _judged(balance, fit)
 
@@ -289,6 +290,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
     """Candidates, best first, the best of them confirmed: what it gains, it gains on pieces that it was not fitted to.
 
     There the plain residual must not grow, and what depends on the place not gain in a single piece: it comes back to its place.
+    What is in one place only, and was passed once, must account for all that was there instead.
     A jagged effect's best and worst piece do not count: one collision lost throws a whole piece out of step.
     """
     before: LeftOut | None = None
@@ -301,12 +303,15 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         if best.score <= 0.0 or any(best is candidate for candidate in done):
             break
         before = as_fitted(balance, fit) if before is None else before
-        after = left_out(balance, best.fit, len(best.items))
+        lone = len(best.items) == 1 and _passed_once(balance, best.items[0])
+        after = as_fitted(balance, best.fit) if lone else left_out(balance, best.fit, len(best.items))
         gains = (before.white - after.white) / spread
         gain = float(gains.sum())
         placed = any(item.term.coordinate == "position" for item in best.items)
         enough = min(ONCE * gain, chance(best.start.count, best.start.looks))
-        if placed and gain - float(gains.max()) < enough:
+        if lone:
+            gain = best.gain if _accounts(balance, fit, best) else 0.0
+        elif placed and gain - float(gains.max()) < enough:
             gain = 0.0
         kept = np.argsort(gains)
         if any(item.term.jagged for item in best.items):
@@ -318,6 +323,28 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         done.append(replace(best, gain=min(best.gain, gain + best.threshold if gain > 0.0 else gain)))
     rest = sorted((c for c in (*waiting, *done) if c is not best), key=lambda candidate: -candidate.score)
     return [best, *rest]
+
+
+def _near(balance: Balance, item: Instance, widths: float) -> np.ndarray:
+    """Rows in which the axis is so near to a local effect's place."""
+    far = np.abs(balance.data.joined("position")[balance.rows] - item.values["centre"])
+    return np.asarray(far < widths * item.values["width"])
+
+
+def _passed_once(balance: Balance, item: Instance) -> bool:
+    """Whether an effect is local and its place was passed once, or in one piece only: nothing is left to confirm it by."""
+    if not item.term.local:
+        return False
+    near = _near(balance, item, 1.0)
+    passes = np.count_nonzero(np.diff(near, prepend=False) & near)
+    return bool(passes < 2 or len(np.unique(balance.pieces[balance.rows][near])) < 2)
+
+
+def _accounts(balance: Balance, base: Fit, candidate: Candidate) -> bool:
+    """Whether a local effect takes away nearly all that the base left around its place."""
+    near = _near(balance, candidate.items[0], AROUND)
+    before, after = (balance.whiten(balance.residual(fit.axis))[near] for fit in (base, candidate.fit))
+    return bool(after @ after < ONCE * (before @ before))
 
 
 def simplest(balance: Balance, candidates: list[Candidate]) -> Candidate:
@@ -496,7 +523,7 @@ def contest(
         settled = settle(balance, swapped, rounds=1)
         if not _impossible(balance, settled, index):
             return settled, Rivals(alone, same, best.gain, candidates[1:])
-        balance.weigh(balance.residual(fit.axis))
+        balance.weigh(fit.axis)
     return fit, Rivals(alone, same, gain, candidates)
 
 

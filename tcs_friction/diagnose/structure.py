@@ -79,7 +79,7 @@ class _Ground:
         raw = self.coarse.mean(residual)
         self.mean = raw
         self.raw, self.white = self.project(raw)
-        self.floor = balance.noise_floor(residual)
+        self.floor = balance.noise_floor(fit.axis)
 
     def project(self, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Raw and whitened rows of chunk means (chunks,) or (chunks, k) without what the base explains."""

@@ -15,7 +15,7 @@ from tcs_friction.diagnose.balance import Balance, Fit, rms
 from tcs_friction.diagnose.condition import Conditioned, condition
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
 from tcs_friction.diagnose.experiment import next_experiment
-from tcs_friction.diagnose.limits import barred, check_units, limits
+from tcs_friction.diagnose.limits import barred, check_units, limits, passed_once
 from tcs_friction.diagnose.proof import free_run, usable_horizon
 from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
 from tcs_friction.diagnose.selection import Rivals, Selection, chance, contend, outstanding, select, settle
@@ -91,7 +91,7 @@ class _Remains:
             if found is not None:
                 selection.chosen, self.structure = found
             else:
-                self.balance.weigh(self.balance.residual(selection.chosen.axis))
+                self.balance.weigh(selection.chosen.axis)
             self.of = selection.chosen
         return self.plain
 
@@ -110,7 +110,7 @@ def _plain_map(
     if structure is None and _cancellation(balance, fit, believed) > CANCELLED:
         return None
     best = fit if structure is None else _mapped(balance, fit, structure)
-    balance.estimate_noise(balance.residual(best.axis))
+    balance.estimate_noise(balance.residual(best.axis), best.axis)
     plain = remaining_structure(balance, selection.retuned)
     if plain is None or plain.table is None or len(plain.coordinates) < 2:
         return None  # what depends on one coordinate alone has names in the vocabulary
@@ -147,7 +147,7 @@ def _mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
     with_map, without = (rms(balance.residual(x.axis)[balance.train]) for x in (mapped, fit))
     if with_map < without:
         return mapped
-    balance.weigh(balance.residual(fit.axis))
+    balance.weigh(fit.axis)
     return fit
 
 
@@ -169,11 +169,11 @@ class _Judge:
         located = atlas(self.balance, self.selection.retuned.axis, residuals["retuned"])
         found = tuple(self._found(i) for i in range(len(self.file.axis.effects), len(self._vocabulary())))
         found = tuple(sorted(found, key=lambda f: -f.torque_rms))
-        floor = self.balance.noise_floor(residuals["improved"])
+        floor = self.balance.noise_floor(axes["improved"])
         unexplained = self._unexplained(errors, floor)
         verdict = self._verdict(errors, unexplained, found)
         runs = {name: free_run(self.data, axis) for name, axis in axes.items()}
-        lines = limits(self.data, self.file.axis)
+        lines = (*limits(self.data, self.file.axis), *passed_once(self.data, self._vocabulary()))
         return Diagnosis(
             verdict=verdict,
             statement=statement(verdict, found, unexplained, errors, floor, lines, self.file.axis.kind),

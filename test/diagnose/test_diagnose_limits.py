@@ -10,7 +10,7 @@ from proof_cases import PERIOD, along, axis, conditioned, item, recorded, scaled
 
 from tcs_friction.config import load_axis
 from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.limits import barred, check_units, count_reversals, limits
+from tcs_friction.diagnose.limits import barred, check_units, count_reversals, limits, passed_once
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
@@ -171,3 +171,14 @@ def test_limits_speak_of_effects_that_exist() -> None:
     for names in (module.REVERSING, module.SPEEDS, module.ACCELERATING, module.SLOW):
         assert names <= set(effects())
     assert item("torque_bias", bias=1.0).term.id in effects()
+
+
+def test_a_place_that_the_axis_passed_once_is_said(good: Recording) -> None:
+    """The middle of a to and fro is passed again and again, in its first seconds once."""
+    whole, part = condition([good]), condition([good.part(slice(0, 1500))])
+    middle = 0.5 * float(part.joined("position").min() + part.joined("position").max())
+    bump = item("local_friction_bump", amplitude=0.3, centre=middle, width=0.01)
+    assert passed_once(whole, [bump, item("torque_bias", bias=1.0)]) == ()
+    (line,) = passed_once(part, [bump])
+    assert "local friction bump" in line
+    assert "once" in line

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from structure_cases import DT, Motion, axis, conditioned, settled
+from structure_cases import DT, Motion, Torque, axis, conditioned, settled
 
 from tcs_friction.diagnose.background import Background
+from tcs_friction.diagnose.balance import Balance
 from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed, starts, together
 from tcs_friction.diagnose.selection import (
     chance,
@@ -24,6 +25,7 @@ from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import instance
 
 STEP = 100.37  # s
+MOMENT, ONE_SWEEP = 19.0, 41.0  # s
 
 
 def step(m: Motion) -> np.ndarray:
@@ -33,6 +35,15 @@ def step(m: Motion) -> np.ndarray:
 def hidden_pair(m: Motion) -> np.ndarray:
     """A bias that takes away what viscous friction by direction adds in the mean."""
     return 20.0 * (np.abs(m.v) - float(np.mean(np.abs(m.v))))
+
+
+def bump(m: Motion) -> np.ndarray:
+    place = m.q[np.argmin(np.abs(m.t - MOMENT))]
+    return 6.0 * np.exp(-(((m.q - place) / 0.1) ** 2)) * np.sign(m.v)
+
+
+def push_and_pull(m: Motion) -> np.ndarray:
+    return 6.0 * np.sin(4.0 * (m.t - MOMENT)) * np.exp(-((m.t - MOMENT) ** 2))
 
 
 def start(name: str, gain: float) -> Start:
@@ -134,3 +145,13 @@ def test_harmonics_belong_to_a_first_one() -> None:
     plain = {"order": 18.0, "amplitude": 1.0, "phase": 0.0}
     assert _leads(instance(cogging, plain | {"amplitude_2": 1.5}))
     assert not _leads(instance(cogging, plain | {"amplitude_4": 4.0}))
+
+
+@pytest.mark.parametrize(("torque", "found"), [(bump, ["local_friction_bump"]), (push_and_pull, [])])
+def test_a_place_passed_once_is_named_only_if_it_accounts_for_all_that_was_there(
+    torque: Torque, found: list[str]
+) -> None:
+    data = conditioned(np.random.default_rng(12), torque, ONE_SWEEP)
+    others = frozenset(effects()) - {"local_friction_bump", "position_dependent_friction", "load_step"}
+    selection = select(Balance(data), axis(), barred=others)
+    assert [item.term.id for item in selection.chosen.axis.effects] == found
