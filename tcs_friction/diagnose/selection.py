@@ -131,6 +131,16 @@ def rings(term: Term) -> bool:
     return term.place is Place.BODY and term.states != 0
 
 
+def _mimicked(fit: Fit) -> frozenset[str]:
+    """Linear filters, while a jagged effect is there: the collisions that it leaves untimed look like swings and delays.
+
+    What is larger than the jagged effect came before it.
+    """
+    if not any(item.term.jagged for item in fit.axis.effects):
+        return frozenset()
+    return frozenset(name for name, term in effects().items() if term.transfer is not None)
+
+
 def chance(count: int, looks: float) -> float:
     """Gain (chi-squared) that `count` free numbers reach by chance, the best of `looks` alternatives of every effect."""
     return float(stats.chi2.isf(FALSE_ALARM / (looks * len(effects())), max(count, 1)))
@@ -419,7 +429,7 @@ def select(
             progress(
                 0.2 + 0.1 * round_number, f"round {round_number + 1}: {len(fit.axis.effects)} effects"
             )
-        candidates = one_round(balance, fit, barred)
+        candidates = one_round(balance, fit, barred | _mimicked(fit))
         selection.rounds.append(candidates)
         if not candidates or candidates[0].score <= 0.0 or candidates[0].gain < imperfection(balance, retuned, fit):
             break

@@ -27,9 +27,8 @@ MATERIAL = 0.25  # of the noise floor: rms of the torque that a map predicts whe
 MATERIAL_IN_TIME = 0.5  # of the noise floor: rms in excess of a spectrum that is flat towards low frequencies
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # relative to the mean number of observations of a coefficient
 FOLDS = 5
-PIECES = 20  # of the recording that maps without time must predict from the others
+PIECES = 20  # of the recording, in order, that maps must predict from the others
 ONCE = 0.1  # of a map's gain at least must come from other pieces than the best
-PIECE_SECONDS = 3.0  # that maps over time must predict from their surroundings
 PEAKS = 2  # of a spectrum that are tried
 SIMPLER = 0.9  # of the best map's explained power is enough for a simpler one
 
@@ -241,7 +240,7 @@ def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judg
     log_p += math.log(tests * len(PENALTIES) * looks)
     if log_p > math.log(FALSE_ALARM):
         return _Judged(product, log_p, 0.0, np.zeros(product.count), 0.0)
-    powers = _predicted(ground, product, raw, white, roughness)
+    powers = _predicted(ground, raw, white, roughness)
     penalty = PENALTIES[int(np.argmax(powers))]
     coefficients = np.linalg.solve(normal + penalty * roughness, scores)
     constant = ground.constant(_chunks(ground, product) @ coefficients)
@@ -257,23 +256,12 @@ def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
     return float(stats.chi2.logsf(float(share @ squares) / scale, mean / scale))
 
 
-def _pieces(ground: _Ground, product: Product) -> np.ndarray:
-    """Piece of time (m,) of every row."""
-    coarse = ground.coarse
-    count = len(coarse.rows)
-    if "time" in product.coordinates:
-        return np.arange(count) // max(1, round(PIECE_SECONDS / coarse.period))
-    return np.arange(count) * PIECES // count
-
-
-def _predicted(
-    ground: _Ground, product: Product, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray
-) -> list[float]:
+def _predicted(ground: _Ground, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray) -> list[float]:
     """For each penalty the power of the residual (N^2 m^2) that a map takes away on pieces that it was not fitted to.
 
     Zero when one piece gives nearly all of it: what happens once is no map.
     """
-    pieces = _pieces(ground, product)
+    pieces = np.arange(len(white)) * PIECES // len(white)
     gains = np.zeros((len(PENALTIES), int(pieces[-1]) + 1))
     normal, scores = white.T @ white, white.T @ ground.white
     for fold in range(FOLDS):

@@ -30,6 +30,7 @@ RETUNED = 1.05  # the believed residual over the retuned one from which paramete
 CANCELLED = 0.4  # of the single effects' power that is left of them together
 REST = 0.1  # of the power that the named effects explain, from which what remains is the verdict
 FAR = 2.0  # noise floors, from which a residual is not noise whatever it looks like
+COMPLETE = 1.25  # times the noise floor, that a map leaves which explains all
 TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 PLOTTED = 6000  # samples in pictures
 
@@ -59,7 +60,7 @@ def diagnose(
     tell(0.1, "retuning what the model has")
     impossible = barred(data, file.axis)
     remains = _Remains(balance)
-    selection = select(balance, file.axis, tell, impossible, remains.is_plain_map)
+    selection = select(balance, file.axis, tell, impossible, remains.are_hopeless)
     tell(0.75, "looking for structure that remains")
     plain = remains.is_plain_map(selection)
     if remains.structure is not None and remains.structure.coordinates == ("time",):
@@ -85,14 +86,24 @@ class _Remains:
     def is_plain_map(self, selection: Selection) -> bool:
         """Whether a learned map on the retuned axis does as well as the chosen effects; then it is what is chosen."""
         if selection.chosen is not self.of:
-            self.structure = remaining_structure(self.balance, selection.chosen)
-            found = _plain_map(self.balance, selection, self.structure)
-            self.plain = found is not None
-            if found is not None:
-                selection.chosen, self.structure = found
-            else:
-                self.balance.weigh(selection.chosen.axis)
-            self.of = selection.chosen
+            self._look(selection, math.inf)
+        return self.plain
+
+    def are_hopeless(self, selection: Selection) -> bool:
+        """Whether a learned map does as well and leaves hardly more than noise: further effects would only be parts of it."""
+        return self._look(selection, COMPLETE)
+
+    def _look(self, selection: Selection, most: float) -> bool:
+        """Choose the map if it does as well and leaves at most so many times the noise."""
+        chosen = selection.chosen
+        self.structure = remaining_structure(self.balance, chosen)
+        found = _plain_map(self.balance, selection, self.structure)
+        self.plain = found is not None and self.balance.misfit(found[0].axis) < most**2
+        if found is not None and self.plain:
+            selection.chosen, self.structure = found
+        else:
+            self.balance.weigh(chosen.axis)
+        self.of = selection.chosen if self.plain or found is None else None
         return self.plain
 
 

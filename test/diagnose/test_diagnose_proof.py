@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from proof_cases import axis, conditioned, item, recorded
 
+from tcs_friction.diagnose.balance import Balance, rms
 from tcs_friction.diagnose.condition import Conditioned, condition
 from tcs_friction.diagnose.proof import free_run, usable_horizon
 from tcs_friction.physics.terms import Instance
@@ -83,3 +84,14 @@ def test_training_data_do_not_matter(plain: Conditioned) -> None:
     torque[last + 1 :] += 1e3
     changed = replace(plain, stretches=(replace(s, torque=torque),))
     assert free_run(changed, axis()) == free_run(plain, axis())
+
+
+def test_a_body_that_swings_lets_more_of_the_encoder_noise_through() -> None:
+    """The floor is what the true axis leaves; without the axis the line of its swing counts as missing physics."""
+    true = axis(item("flexible_mode", frequency=20.0, damping=0.03, inertia_ratio=0.3))
+    balance = Balance(conditioned(recorded(true)))
+    left = balance.residual(true)
+    size = rms(left[balance.train])
+    frequency, blind = balance.noise_spectrum(left)
+    assert np.sqrt(np.trapezoid(blind, frequency)) < 0.82 * size
+    assert 0.88 * size < balance.noise_floor(true) < size

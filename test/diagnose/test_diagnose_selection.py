@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from scipy import stats
 from structure_cases import DT, Motion, Torque, axis, conditioned, settled
 
 from tcs_friction.diagnose.background import Background
-from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.balance import Balance, Fit, free_parameters
 from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed, starts, together
 from tcs_friction.diagnose.selection import (
+    _mimicked,
     chance,
     close_behind,
     outstanding,
@@ -155,3 +157,19 @@ def test_a_place_passed_once_is_named_only_if_it_accounts_for_all_that_was_there
     others = frozenset(effects()) - {"local_friction_bump", "position_dependent_friction", "load_step"}
     selection = select(Balance(data), axis(), barred=others)
     assert [item.term.id for item in selection.chosen.axis.effects] == found
+
+
+def test_beside_collisions_no_swing_and_no_delay_is_looked_for() -> None:
+    """What collisions leave that come a moment early or late looks like them."""
+    backlash = instance(effect("backlash"), {"gap": 1e-3, "inertia_ratio": 0.1})
+    free = free_parameters(axis(), 1.0)
+    fit = Fit(axis(), tuple(free), np.eye(len(free)), 1.0, True)
+    assert _mimicked(fit) == frozenset()
+    assert _mimicked(replace(fit, axis=axis().with_effect(backlash))) == {
+        "flexible_mode", "transport_delay", "actuator_lag"
+    }  # fmt: skip
+
+
+def test_a_mode_that_does_not_ring_is_impossible() -> None:
+    assert not effect("flexible_mode").warn({"frequency": 20.0, "damping": 0.1, "inertia_ratio": 0.3})
+    assert "resonance" in effect("flexible_mode").warn({"frequency": 3.0, "damping": 0.9, "inertia_ratio": 0.3})[0]

@@ -26,6 +26,8 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
+DAMPED = 0.5  # ratio from which nothing is seen to swing
+
 
 @njit(cache=True, error_model="numpy")
 def oscillate(deflection: float, rate: float, omega: float, damping: float, dt: float) -> tuple[float, float]:
@@ -69,6 +71,12 @@ def transfer(values: Mapping[str, float], s: np.ndarray) -> np.ndarray:
     return np.asarray(-values["inertia_ratio"] * s**2 / (s**2 + 2.0 * damping * omega * s + omega**2))
 
 
+def warnings(values: Mapping[str, float]) -> list[str]:
+    """What hardly swings is no mode."""
+    damping = values["damping"]
+    return [f"a mode with a damping ratio of {damping:.3g} shows no resonance"] if damping > DAMPED else []
+
+
 TERM = Term(
     id="flexible_mode",
     place=Place.BODY,
@@ -92,4 +100,5 @@ TERM = Term(
     subsystem="structure",
     scan=scan,
     transfer=transfer,
+    warn=warnings,
 )
