@@ -42,7 +42,7 @@ LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against ano
 IMPERFECT, IMPERFECT_AT_MOST = 3e-4, 0.02  # of the power that others explain, of the noise power: what their errors may leave
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 TRIED = 5  # candidates a round that are fitted jointly
-STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best one's gain there, that a candidate needs to go on
+STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count
 BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, too
 RIVALS = 6  # that compete for a chosen effect's place
 MOST = 6  # effects
@@ -520,9 +520,12 @@ def contest(
     spread = max(1.0, fit.squares / balance.effective_count)
     gain = (alone.squares - balance.squares(fit.axis)) / spread
     item = fit.axis.effects[index]
-    candidates = confirmed(
-        balance, alone, refine(balance, alone.axis, close_behind(rivals), alone, spread), spread
-    )
+    refined = refine(balance, alone.axis, close_behind(rivals), alone, spread)
+    fitted = {id(candidate.fit): candidate.gain for candidate in refined}
+    candidates = [  # the effect in place had its own confirmation: gains are compared as fitted
+        replace(c, gain=fitted[id(c.fit)]) if c.gain > WINNING * fitted[id(c.fit)] else c
+        for c in confirmed(balance, alone, refined, spread)
+    ]
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
     same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)
