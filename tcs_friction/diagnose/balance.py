@@ -7,6 +7,7 @@ estimated from the residual itself: then squares add up to a likelihood and gain
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -188,6 +189,10 @@ class Balance:
     def scale(self, size: float) -> float:
         """Of a residual whose torque at the rotor has this rms, N m."""
         return max(self.torque_size / size, 1.0) if size > 0.0 else 1.0
+
+    def slope(self, x: np.ndarray) -> np.ndarray:
+        """Time derivative (n,) of a series, stretch by stretch."""
+        return np.concatenate([np.gradient(x[a:b], self.data.dt) for a, b in itertools.pairwise(self.ends)])
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""

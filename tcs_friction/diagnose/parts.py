@@ -73,6 +73,10 @@ class Parts:
             total += self._demand(axis, group, remember)
         return np.asarray(total)
 
+    def friction(self, axis: Axis) -> np.ndarray:
+        """Friction (n,), N m, and what acts through it."""
+        return self._demand(axis, _friction(axis), True)
+
     def loads_by_motion(self, axis: Axis) -> list[np.ndarray]:
         """Torque that the motion requires at the rotor, N m, low-passed, at all samples of each stretch.
 

@@ -38,6 +38,7 @@ SAME = 2.0 * math.log(ODDS)  # gain, in units of the misfit, that this takes
 ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing is missing
 MATERIAL = 0.006  # of the noise power, for effects that feed on noise
+BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 IMPERFECT, IMPERFECT_AT_MOST = 3e-4, 0.02  # of the power that others explain, of the noise power: what their errors may leave
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
@@ -158,6 +159,19 @@ def slow_part(balance: Balance, white: np.ndarray) -> np.ndarray:
     return np.asarray(ndimage.uniform_filter1d(white, window))
 
 
+def blurs(balance: Balance, axis: Axis) -> np.ndarray:
+    """What slow sampling, interpolation and smoothing do to signals: orthonormal whitened rows (rows, 4).
+
+    Friction's first and second derivative by time, the second ones of acceleration and torque. A gap is more than a filter.
+    """
+    friction = balance.parts.friction(axis)
+    columns = [balance.slope(friction), balance.slope(balance.slope(friction))]
+    for x in (balance.parts.acceleration(axis), balance.parts.rotor(axis)[0]):
+        columns.append(balance.slope(balance.slope(x)))
+    white = balance.whiten(np.stack(columns, axis=1))
+    return np.asarray(np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-300))[0])
+
+
 def refine(balance: Balance, axis: Axis, starts: Sequence[Start], base: Fit, spread: float) -> list[Candidate]:
     """The candidates after joint fits from their starts; half way, only those that may still win go on."""
     fits = side_by_side(partial(_joined, balance, axis), starts)
@@ -186,19 +200,27 @@ def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, 
     """What a fit from a start is worth beside the base.
 
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
-    feed on noise gain by it at high frequency. What they gain must show in the slow part as well.
+    feed on noise gain by it at high frequency. What they gain must show in the slow part as well, or, of collisions, beyond
+    what blurred signals explain.
     """
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
     if any(_implausible(balance, axis, fit, len(axis.effects) + k) for k in range(len(terms))):
         gain = 0.0
-    elif any(feeds_on_noise(term) and not rings(term) for term in terms):
-        before = slow_part(balance, balance.whiten(balance.residual(base.axis)))
-        after = slow_part(balance, balance.whiten(balance.residual(fit.axis)))
+    both = [balance.whiten(balance.residual(x.axis)) for x in (base, fit)]
+    if any(feeds_on_noise(term) and not rings(term) for term in terms):
+        before, after = (slow_part(balance, white) for white in both)
         slow = float(before @ before - after @ after) / spread
         if slow < chance(start.count, start.looks):
             gain = min(gain, slow)
+    if any(term.jagged for term in terms):
+        blurred = blurs(balance, base.axis)
+        before, after = (white - blurred @ (blurred.T @ white) for white in both)
+        change = before - after  # its best multiple counts: the fit could not know the blurs
+        beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300) / spread
+        if beyond < chance(start.count, start.looks) + BEYOND * balance.effective_count:
+            gain = min(gain, beyond)
     return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
 
 
