@@ -137,12 +137,17 @@ def _judge_linear(
 ) -> Start | None:
     items = probe(term, values, signal_name, 1.0)
     start = _judged(background, term, values, signal_name, looks, background.columns(items))
-    if start is None or term.place is not Place.SCALE or "torque" not in term.reads:
+    if start is None or not follows_load(term):
         return start
-    return replace(start, gain=min(start.gain, _gain_by_motion(background, start.instance)))
+    return replace(start, gain=min(start.gain, gain_by_motion(background, start.instance)))
 
 
-def _gain_by_motion(background: Background, item: Instance) -> float:
+def follows_load(term: Term) -> bool:
+    """Whether an effect scales friction by the logged torque, whose noise is the residual's own."""
+    return term.place is Place.SCALE and "torque" in term.reads
+
+
+def gain_by_motion(background: Background, item: Instance) -> float:
     """Gain of friction that follows the load when its column is made from the motion: noise of the logged torque gives none."""
     column = background.project(background.balance.whiten(background.column_by_motion(item)))
     gain, amplitudes = background.gain(column[:, None])

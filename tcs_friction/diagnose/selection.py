@@ -24,6 +24,8 @@ from tcs_friction.diagnose.hypotheses import (
     all_starts,
     climbed,
     dispersion,
+    follows_load,
+    gain_by_motion,
     name_of,
     starts,
     together,
@@ -200,8 +202,8 @@ def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, 
     """What a fit from a start is worth beside the base.
 
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
-    feed on noise gain by it at high frequency. What they gain must show in the slow part as well, or, of collisions, beyond
-    what blurred signals explain.
+    feed on noise gain by it at high frequency. What they gain must show in the slow part as well; of collisions, beyond what
+    blurred signals explain; of friction that follows the load, with the load taken from the motion.
     """
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
@@ -221,6 +223,12 @@ def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, 
         beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300) / spread
         if beyond < chance(start.count, start.looks) + BEYOND * balance.effective_count:
             gain = min(gain, beyond)
+    for item in fit.axis.effects[len(axis.effects) :]:
+        if follows_load(item.term):
+            others = replace(fit.axis, effects=tuple(x for x in fit.axis.effects if x is not item))
+            by_motion = gain_by_motion(Background(balance, others, balance.free(others)), item) / spread
+            if by_motion < threshold(balance, [item.term], 1, 1.0):
+                gain = min(gain, by_motion)
     return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
 
 

@@ -212,10 +212,13 @@ class _Judge:
         return Errors(rms(train), rms(held) if len(held) else rms(train))
 
     def _verdict(self, errors: Mapping[str, Errors], unexplained: Unexplained, found: Sequence[Found]) -> str:
-        """What is left counts beside what the named effects explain; collisions are real though none comes at its exact time."""
+        """What is left counts beside what the named effects explain.
+
+        Collisions are real though none comes at its exact time: what is left may be as large as they are.
+        """
         explained = errors["retuned"].train ** 2 - errors["improved"].train ** 2
-        explained = max([explained, *(f.torque_rms**2 for f in found if f.instance.term.jagged)])
-        if unexplained.present and (not found or unexplained.torque_rms**2 > REST * explained):
+        allowed = max([REST * explained, *(f.torque_rms**2 for f in found if f.instance.term.jagged)])
+        if unexplained.present and (not found or unexplained.torque_rms**2 > allowed):
             return "unexplained"
         if found:
             return "missing_physics"
