@@ -12,13 +12,15 @@ import numpy as np
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.balance import Balance, Fit, rms
+from tcs_friction.diagnose.candidates import chance
 from tcs_friction.diagnose.condition import Conditioned, condition
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
 from tcs_friction.diagnose.experiment import next_experiment
+from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.limits import barred, check_units, limits, passed_once
 from tcs_friction.diagnose.proof import free_run, usable_horizon
 from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
-from tcs_friction.diagnose.selection import Rivals, Selection, chance, contend, outstanding, select, settle
+from tcs_friction.diagnose.selection import Rivals, Selection, contend, outstanding, select
 from tcs_friction.diagnose.statement import statement
 from tcs_friction.diagnose.structure import Structure, remaining_structure
 from tcs_friction.physics.axis import Axis
@@ -86,25 +88,32 @@ class _Remains:
     def is_plain_map(self, selection: Selection) -> bool:
         """Whether a learned map on the retuned axis does as well as the chosen effects; then it is what is chosen."""
         if selection.chosen is not self.of:
-            self._look(selection, math.inf)
+            self._choose(selection, self._map(selection))
         return self.plain
 
     def are_hopeless(self, selection: Selection) -> bool:
-        """Whether a learned map does as well and leaves hardly more than noise: further effects would only be parts of it."""
-        return self._look(selection, COMPLETE)
-
-    def _look(self, selection: Selection, most: float) -> bool:
-        """Choose the map if it does as well and leaves at most so many times the noise."""
-        chosen = selection.chosen
-        self.structure = remaining_structure(self.balance, chosen)
-        found = _plain_map(self.balance, selection, self.structure)
-        self.plain = found is not None and self.balance.misfit(found[0].axis) < most**2
-        if found is not None and self.plain:
-            selection.chosen, self.structure = found
-        else:
-            self.balance.weigh(chosen.axis)
-        self.of = selection.chosen if self.plain or found is None else None
+        """Whether further effects would be parts of a map: it leaves but noise, and what they leave is over its axes."""
+        found = self._map(selection)
+        if found is not None:
+            fit, plain = found
+            complete = self.balance.misfit(fit.axis) < COMPLETE**2
+            if not complete or self.structure is None or plain.coordinates != self.structure.coordinates:
+                self.balance.weigh(selection.chosen.axis)
+                return False
+        self._choose(selection, found)
         return self.plain
+
+    def _map(self, selection: Selection) -> tuple[Fit, Structure] | None:
+        self.structure = remaining_structure(self.balance, selection.chosen)
+        return _plain_map(self.balance, selection, self.structure)
+
+    def _choose(self, selection: Selection, found: tuple[Fit, Structure] | None) -> None:
+        self.plain = found is not None
+        if found is None:
+            self.balance.weigh(selection.chosen.axis)
+        else:
+            selection.chosen, self.structure = found
+        self.of = selection.chosen
 
 
 def _plain_map(

@@ -12,12 +12,13 @@ import pytest
 from tcs_friction.config import load_axis
 from tcs_friction.diagnose.balance import Balance
 from tcs_friction.diagnose.condition import condition
+from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.result import Diagnosis, Found
-from tcs_friction.diagnose.selection import settle
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.recording import Recording
 
 
 def diagnosed(folder: Path) -> Diagnosis:
@@ -43,6 +44,23 @@ def test_practice_recordings_of_another_simulator(name: str, shared_data: Path) 
         values = {key: entry["value"] for key, entry in found.effects[0].parameters.items()}
         assert values["order"] == pytest.approx(truth["effect_parameters"]["cogk"], abs=0.01)
         assert values["amplitude"] == pytest.approx(truth["effect_parameters"]["coga"], rel=0.01)
+
+
+def test_slow_sampling_is_no_physics(shared_data: Path) -> None:
+    """Every fifth sample: what lies between them looks a little like collisions and like friction that follows the load."""
+    folder = shared_data / "practice" / "cable_and_asymmetry"
+    file = load_axis(folder / "axis.yaml")
+    assert file.signals is not None
+    (whole,) = read_recordings([folder / "recording"], file.signals)
+    fifth = slice(None, None, 5)
+    thin = Recording(
+        whole.t[fifth],
+        whole.position[fifth],
+        whole.torque[fifth],
+        exogenous={name: values[fifth] for name, values in whole.exogenous.items()},
+    )
+    found = diagnose([thin], file)
+    assert sorted(item.effect for item in found.effects) == ["cable_wrap", "coulomb_asymmetry"]
 
 
 def test_ball_screw(shared_data: Path) -> None:

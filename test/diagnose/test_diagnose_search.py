@@ -17,8 +17,8 @@ from tcs_friction.diagnose.background import Background, survey
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.hypotheses import starts
+from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.parts import Memory
-from tcs_friction.diagnose.selection import settle
 from tcs_friction.physics import machine
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import Place, Term, instance

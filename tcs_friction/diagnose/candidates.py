@@ -1,0 +1,201 @@
+"""Candidates: effects fitted jointly with all else, and what their gain is worth.
+
+A gain is the drop of the whitened train squares after a joint refit of all free numbers, less what chance would give:
+chi-squared with as many numbers, Bonferroni's correction for the alternatives that were searched through and for the
+length of the vocabulary. Effects made from logged torque, acceleration or a memory of them feed on the residual's own noise
+and on what sampling leaves behind: they have to explain a share of the noise power as well, and to show where that noise is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy import ndimage, stats
+
+from tcs_friction.diagnose.background import Background, survey
+from tcs_friction.diagnose.balance import Balance, Fit, rms
+from tcs_friction.diagnose.hypotheses import (
+    Start,
+    follows_load,
+    gain_by_motion,
+)
+from tcs_friction.diagnose.joint import prior
+from tcs_friction.diagnose.side_by_side import side_by_side
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effects
+from tcs_friction.physics.terms import Instance, Place, Role, Term
+
+ODDS = 100.0  # to one, by which an effect must beat a rival
+SAME = 2.0 * math.log(ODDS)  # gain, in units of the misfit, that this takes
+FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing is missing
+MATERIAL = 0.006  # of the noise power, for effects that feed on noise
+BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
+LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
+SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
+STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count
+REACH = 3.0  # times the proposed values, within which an effect can be told from others
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect, or two, after a joint fit: the drop of squares in units of the noise, what chance takes, the fit."""
+
+    name: str
+    gain: float
+    threshold: float
+    fit: Fit
+    start: Start
+
+    @property
+    def items(self) -> tuple[Instance, ...]:
+        """The effects, the fit's last ones."""
+        return self.fit.axis.effects[-len(self.start.instances) :]
+
+    @property
+    def score(self) -> float:
+        """Gain beyond chance; positive: worth adding."""
+        return self.gain - self.threshold
+
+
+def feeds_on_noise(term: Term) -> bool:
+    """Whether noise of the residual is in what an effect is made from: logged torque, acceleration, or a memory of motion."""
+    torque = "torque" in term.reads and not term.periodic
+    memory = term.states != 0 and not term.signals
+    return torque or memory or term.place is Place.BODY
+
+
+def rings(term: Term) -> bool:
+    """Whether an effect is a body that swings or collides: what it explains is fast, as the noise is."""
+    return term.place is Place.BODY and term.states != 0
+
+
+def chance(count: int, looks: float) -> float:
+    """Gain (chi-squared) that `count` free numbers reach by chance, the best of `looks` alternatives of every effect."""
+    return float(stats.chi2.isf(FALSE_ALARM / (looks * len(effects())), max(count, 1)))
+
+
+def threshold(balance: Balance, terms: Sequence[Term], count: int, looks: float) -> float:
+    """Gain that chance may give, and noise to effects that feed on it."""
+    material = MATERIAL * balance.effective_count if any(map(feeds_on_noise, terms)) else 0.0
+    return chance(count, looks) + material + (len(terms) - 1) * chance(1, 1.0)
+
+
+def slow_part(balance: Balance, white: np.ndarray) -> np.ndarray:
+    """Running mean of whitened rows over SLOW_PERIODS of the cutoff."""
+    window = max(2, round(SLOW_PERIODS / (balance.data.cutoff * balance.data.dt)))
+    return np.asarray(ndimage.uniform_filter1d(white, window))
+
+
+def blurs(balance: Balance, axis: Axis) -> np.ndarray:
+    """What slow sampling, interpolation and smoothing do to signals: orthonormal whitened rows (rows, 4).
+
+    Friction's first and second derivative by time, the second ones of acceleration and torque. A gap is more than a filter.
+    """
+    friction = balance.parts.friction(axis)
+    columns = [balance.slope(friction), balance.slope(balance.slope(friction))]
+    for x in (balance.parts.acceleration(axis), balance.parts.rotor(axis)[0]):
+        columns.append(balance.slope(balance.slope(x)))
+    white = balance.whiten(np.stack(columns, axis=1))
+    return np.asarray(np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-300))[0])
+
+
+def refine(balance: Balance, axis: Axis, starts: Sequence[Start], base: Fit, spread: float) -> list[Candidate]:
+    """The candidates after joint fits from their starts; half way, only those that may still win go on."""
+    fits = side_by_side(partial(_joined, balance, axis), starts)
+    needed = base.squares - WINNING * (base.squares - min((fit.squares for fit in fits), default=0.0))
+
+    def finished(fit: Fit) -> Fit:
+        return fit if fit.converged or fit.squares > needed else _stepped(balance, fit.axis)
+
+    fits = side_by_side(finished, fits)
+    return side_by_side(lambda pair: _candidate(balance, axis, *pair, base, spread), zip(starts, fits, strict=True))
+
+
+def _joined(balance: Balance, axis: Axis, start: Start) -> Fit:
+    """The first steps of the joint fit of an axis with what a start adds."""
+    for item in start.instances:
+        axis = _widened(balance, axis, item)
+    return _stepped(balance, axis)
+
+
+def _stepped(balance: Balance, axis: Axis) -> Fit:
+    free = balance.free(axis)
+    return balance.fit(axis, free, prior(free), iterations=STEPS, tolerance=0.5)
+
+
+def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, spread: float) -> Candidate:
+    """What a fit from a start is worth beside the base.
+
+    Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
+    feed on noise gain by it at high frequency. What they gain must show in the slow part as well; of collisions, beyond what
+    blurred signals explain; of friction that follows the load, with the load taken from the motion.
+    """
+    terms = [item.term for item in start.instances]
+    limit = threshold(balance, terms, start.count, start.looks)
+    gain = (base.squares - fit.squares) / spread / start.excess
+    if any(implausible(balance, axis, fit, len(axis.effects) + k) for k in range(len(terms))):
+        gain = 0.0
+    both = [balance.whiten(balance.residual(x.axis)) for x in (base, fit)]
+    if any(feeds_on_noise(term) and not rings(term) for term in terms):
+        before, after = (slow_part(balance, white) for white in both)
+        slow = float(before @ before - after @ after) / spread
+        if slow < chance(start.count, start.looks):
+            gain = min(gain, slow)
+    if any(term.jagged for term in terms):
+        blurred = blurs(balance, base.axis)
+        before, after = (white - blurred @ (blurred.T @ white) for white in both)
+        change = before - after  # its best multiple counts: the fit could not know the blurs
+        beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300) / spread
+        if beyond < chance(start.count, start.looks) + BEYOND * balance.effective_count:
+            gain = min(gain, beyond)
+    for item in fit.axis.effects[len(axis.effects) :]:
+        if follows_load(item.term):
+            others = replace(fit.axis, effects=tuple(x for x in fit.axis.effects if x is not item))
+            by_motion = gain_by_motion(Background(balance, others, balance.free(others)), item) / spread
+            if by_motion < threshold(balance, [item.term], 1, 1.0):
+                gain = min(gain, by_motion)
+    return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
+
+
+def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
+    """The axis with one more effect; a delay takes the alignment of the log over."""
+    if item.term.id != "transport_delay":
+        return axis.with_effect(item)
+    late = item.values["delay"] + axis.actuation_delay - balance.believed_delay
+    aligned = replace(axis, actuation_delay=balance.believed_delay)
+    return aligned.with_effect(item.replace(delay=max(late, 0.0)))
+
+
+def implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
+    """Whether a fitted effect cannot be, or ended where it proposes nothing for such a recording."""
+    return impossible(balance, fit, index) or _out_of_reach(balance, axis, fit.axis.effects[index])
+
+
+def impossible(balance: Balance, fit: Fit, index: int) -> bool:
+    """Whether an effect is larger than any torque, or its own declaration warns of its values."""
+    item = fit.axis.effects[index]
+    kept = tuple(other for other in fit.axis.effects if other is not item)
+    own = balance.residual(replace(fit.axis, effects=kept)) - balance.residual(fit.axis)
+    return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
+
+
+def _out_of_reach(balance: Balance, axis: Axis, item: Instance) -> bool:
+    """Whether a fit ended at a declared bound, or far from all values that the effect proposes for such a recording."""
+    for parameter in item.term.parameters:
+        value = item.values[parameter.name]
+        if parameter.role in (Role.FIXED, Role.PHASE) or value == parameter.default or value == 0.0:
+            continue
+        near = 1e-3 * abs(value)
+        if abs(value - parameter.lower) < near or abs(value - parameter.upper) < near:
+            return True
+    scans = item.term.scan(survey(balance, axis))
+    for name in scans[0] if len(scans) else ():
+        values = {scan[name] for scan in scans}
+        given = item.values[name] != item.term.parameter(name).default
+        if given and len(values) > 2 and not min(values) / REACH < item.values[name] < REACH * max(values):
+            return True
+    return False
