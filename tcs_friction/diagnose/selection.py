@@ -39,7 +39,7 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 
 ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
-IMPERFECT, IMPERFECT_AT_MOST = 3e-4, 0.02  # of the power that others explain, of the noise power: what their errors may leave
+IMPERFECT, IMPERFECT_AT_MOST = 1e-3, 0.02  # of the power that others explain, of the noise power: what their errors may leave
 TRIED = 5  # candidates a round that are fitted jointly
 BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, too
 RIVALS = 6  # that compete for a chosen effect's place
