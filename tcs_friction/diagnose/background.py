@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import fft
 
-from tcs_friction.diagnose.balance import Balance, Free, at_bound, pairs, rms
+from tcs_friction.diagnose.balance import Balance, Free, at_bound, motion_gain, pairs, rms
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
@@ -47,18 +47,33 @@ class Background:
     def filtered(self, item: Instance) -> np.ndarray:
         """`column` of a linear filter from its transfer function; right but for the ends of the stretches."""
         assert item.term.transfer is not None
-        drive = item.term.place is Place.DRIVE
+        if item.term.place is not Place.DRIVE:
+            return self._swung(item)
         rotor, size = self.balance.parts.rotor(self.axis)
-        driven = rotor if drive else -self.axis.inertia * self.balance.parts.acceleration(self.axis)
-        added = np.empty(len(driven))
+        added = np.empty(len(rotor))
         for begin, end in itertools.pairwise(self.balance.ends):
             count = fft.next_fast_len(int(end - begin), real=True)
             s = 2j * math.pi * fft.rfftfreq(count, self.balance.data.dt)
-            spectrum = fft.rfft(driven[begin:end], count) * item.term.transfer(item.values, s)
+            spectrum = fft.rfft(rotor[begin:end], count) * item.term.transfer(item.values, s)
             added[begin:end] = fft.irfft(spectrum, count, overwrite_x=True)[: end - begin]
         before = self.balance.scale(size)
-        after = self.balance.scale(rms((rotor + added)[self.balance.train])) if drive else before
+        after = self.balance.scale(rms((rotor + added)[self.balance.train]))
         return np.asarray((after / before - 1.0) * self.residual + after * added)
+
+    def _swung(self, item: Instance) -> np.ndarray:
+        """`filtered` of a body: it changes the torque that the motion requires, and how much of its noise comes through."""
+        balance, with_it = self.balance, self.axis.with_effect(item)
+        residual = balance.torque_residual(self.axis)
+        inertial = self.axis.inertia * balance.parts.acceleration(self.axis)
+        after = np.empty(len(residual))
+        for begin, end in itertools.pairwise(balance.ends):
+            count = fft.next_fast_len(int(end - begin), real=True)
+            frequency = fft.rfftfreq(count, balance.data.dt)
+            change = motion_gain(with_it, frequency) - motion_gain(self.axis, frequency)
+            spectrum = fft.rfft(residual[begin:end], count) - change * fft.rfft(inertial[begin:end], count)
+            spectrum /= balance.noise_gain(with_it, frequency)
+            after[begin:end] = fft.irfft(spectrum, count, overwrite_x=True)[: end - begin]
+        return after - self.residual
 
     def column_by_motion(self, item: Instance) -> np.ndarray:
         """`column` of friction that follows the load, the load taken from the motion."""

@@ -20,11 +20,13 @@ from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Parameter, Place, Role
+from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
+RINGING = 2.0  # s of zeros after a stretch, in which a swing may ring out
+MOST_OF_MOTION = 0.9  # of the noise power: the drive always adds a little
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 
 
@@ -151,6 +153,7 @@ class Balance:
         self.believed_delay = believed_delay
         self.weights = np.array([1.0])
         self.responses: dict[int, np.ndarray] = {}
+        self.motion_share = np.zeros(2)  # of the noise power, by the encoder through the inertia, at even steps of frequency
         self.sizes = [len(s.train) for s in data.stretches]
         self.ends = np.cumsum([0, *self.sizes])
         self.train = data.joined("train")
@@ -178,7 +181,29 @@ class Balance:
         return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
 
     def residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
-        """Torque residual (n,), N m, as large as if the drive passed all of the logged torque on.
+        """Torque residual (n,), N m, where bodies that swing amplify noise of the motion as small as if they did not.
+
+        At an antiresonance a body takes any torque and hardly moves: what a noisy motion requires there is mostly noise.
+        Total least squares with the motion's share in the noise. Without such bodies it is the `torque_residual`.
+        """
+        residual = self.torque_residual(axis, remember)
+        if not swinging(axis):
+            return residual
+        parts = []
+        for a, b in itertools.pairwise(self.ends):
+            size = fft.next_fast_len(int(b - a) + math.ceil(RINGING / self.data.dt), real=True)
+            gain = self.noise_gain(axis, fft.rfftfreq(size, self.data.dt))
+            parts.append(fft.irfft(fft.rfft(residual[a:b], size) / gain, size)[: b - a])
+        return np.concatenate(parts)
+
+    def noise_gain(self, axis: Axis, frequency: np.ndarray) -> np.ndarray:
+        """Factor by which bodies that swing on an axis amplify the residual's noise, at frequencies (n,), Hz."""
+        amplified = np.abs(motion_gain(axis, frequency)) ** 2
+        share = np.interp(frequency, np.linspace(0.0, 0.5 / self.data.dt, len(self.motion_share)), self.motion_share)
+        return np.sqrt(1.0 + share * (amplified - 1.0))
+
+    def torque_residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
+        """Torque at the rotor less what the motion requires (n,), N m, as if the drive passed all of the logged torque on.
 
         A drive that swallows the torque would need no friction and leave no residual: the torque is no measure of itself.
         `remember`: an axis near it will be asked for again.
@@ -224,7 +249,7 @@ class Balance:
     def weigh(self, axis: Axis) -> None:
         """Take the noise, and where it is louder than usual, from an axis' residual."""
         residual = self.residual(axis)
-        self.estimate_noise(residual, axis)
+        self.estimate_noise(residual, axis.inertia)
         self.estimate_local_noise(residual)
 
     def estimate_local_noise(self, residual: np.ndarray) -> None:
@@ -276,13 +301,17 @@ class Balance:
         ]
         self.rows = np.nonzero(np.concatenate(inside))[0]
 
-    def estimate_noise(self, residual: np.ndarray, axis: Axis | None = None) -> None:
-        """Set the whitening filter from the train part of a residual, that of the axis.
+    def estimate_noise(self, residual: np.ndarray, inertia: float = 0.0) -> None:
+        """Set the whitening filter, and with the axis' inertia the share of the motion's noise, from the residual's train part.
 
         The spectrum is a median over blocks of time and over neighbouring frequencies, so that neither bursts nor lines (which
         may be the physics that is looked for) count as noise. The filter is its inverse square root, zero-phase.
         """
-        frequency, power = self.noise_spectrum(residual, axis)
+        frequency, power = self.noise_spectrum(residual)
+        if inertia > 0.0:
+            encoder = 2.0 * self.data.period * self.data.position_noise**2  # rad^2/Hz
+            share = (inertia * (2.0 * math.pi * frequency) ** 2) ** 2 * encoder / power
+            self.motion_share = np.minimum(share, MOST_OF_MOTION)
         inside = frequency <= self.data.cutoff
         power = np.where(inside, power, power[inside].max())  # what the filter took away is no lack of noise
         half = self._half_length()
@@ -300,11 +329,8 @@ class Balance:
         block = float(np.median(edges[1::2] - edges[::2]))
         return max(4, int(min(WHITENING_SECONDS / self.data.dt, block / 20.0)))
 
-    def noise_spectrum(self, residual: np.ndarray, axis: Axis | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies (Hz) and robust power density of what a residual has beside its reproducible part, train data, N m^2/Hz.
-
-        Lines are no noise, but where bodies that swing on the `axis` of this residual amplify that of the motion.
-        """
+    def noise_spectrum(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies (Hz) and robust power density of what a residual has beside its reproducible part, train data, N m^2/Hz."""
         residual = self.reproducible.remove(residual)
         length = 1 << max(5, min(10, int(math.log2(max(len(self.rows) / 24.0, 32)))))
         window = signal.get_window("hann", length)
@@ -321,17 +347,12 @@ class Balance:
             )
         middle = np.median(blocks, axis=0) / math.log(2.0)
         middle[0] = middle[1] if len(middle) > 1 else middle[0]
-        frequency, smooth = np.fft.rfftfreq(length, self.data.dt), max(3, length // 64 * 2 + 1)
-        usual = ndimage.median_filter(middle, smooth, mode="reflect")
-        if axis is not None:
-            gain = _motion_gain(axis, frequency)
-            amplified = gain * ndimage.median_filter(middle / gain, smooth, mode="reflect")
-            usual = np.maximum(usual, np.minimum(middle, amplified))
-        return frequency, np.maximum(usual, 1e-12 * usual.max())
+        middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="reflect")
+        return np.fft.rfftfreq(length, self.data.dt), np.maximum(middle, 1e-12 * middle.max())
 
     def noise_floor(self, axis: Axis) -> float:
         """N m rms of the robust spectrum of an axis' residual."""
-        frequency, power = self.noise_spectrum(self.residual(axis), axis)
+        frequency, power = self.noise_spectrum(self.residual(axis))
         return math.sqrt(float(np.trapezoid(power, frequency)))
 
     def misfit(self, axis: Axis) -> float:
@@ -415,14 +436,19 @@ class Balance:
         return Fit(axis, tuple(free), covariance, squares, converged)
 
 
-def _motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
-    """Squared gain with which bodies that swing on an axis let noise of its acceleration through, at frequencies (n,), Hz."""
+def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
+    """Torque that an acceleration of the axis requires over that of its inertia alone, complex, at frequencies (n,), Hz."""
     s = 2j * math.pi * frequency
     gain = np.ones(len(s), dtype=complex)
-    for item in axis.effects:
-        if item.term.place is Place.BODY and item.term.transfer is not None:
-            gain += item.term.transfer(item.values, s)
-    return np.maximum(np.abs(gain) ** 2, 1e-12)
+    for item in swinging(axis):
+        assert item.term.transfer is not None
+        gain += item.term.transfer(item.values, s)
+    return gain
+
+
+def swinging(axis: Axis) -> list[Instance]:
+    """Effects that are bodies with a linear response."""
+    return [x for x in axis.effects if x.term.place is Place.BODY and x.term.transfer is not None]
 
 
 def rms(x: np.ndarray) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage, stats
 
 from tcs_friction.diagnose.background import Background, survey
-from tcs_friction.diagnose.balance import Balance, Fit, rms
+from tcs_friction.diagnose.balance import Balance, Fit, motion_gain, rms
 from tcs_friction.diagnose.hypotheses import (
     Start,
     follows_load,
@@ -34,6 +34,7 @@ SAME = 2.0 * math.log(ODDS)  # gain, in units of the misfit, that this takes
 FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing is missing
 MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
+CALM = 2.0  # times the noise power: amplification below which a mode must improve the torque balance
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count
@@ -132,7 +133,7 @@ def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, 
 
     Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
     feed on noise gain by it at high frequency. What they gain must show in the slow part as well; of collisions, beyond what
-    blurred signals explain; of friction that follows the load, with the load taken from the motion.
+    blurred signals explain; of a mode, in the torque too; of friction that follows the load, with the load taken from the motion.
     """
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
@@ -152,6 +153,10 @@ def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, 
         beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300) / spread
         if beyond < chance(start.count, start.looks) + BEYOND * balance.effective_count:
             gain = min(gain, beyond)
+    if any(rings(term) and term.transfer is not None for term in terms):
+        calm = _calm_gain(balance, base, fit) / spread
+        if calm < chance(start.count, start.looks):
+            gain = min(gain, calm)
     for item in fit.axis.effects[len(axis.effects) :]:
         if follows_load(item.term):
             others = replace(fit.axis, effects=tuple(x for x in fit.axis.effects if x is not item))
@@ -159,6 +164,21 @@ def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, 
             if by_motion < threshold(balance, [item.term], 1, 1.0):
                 gain = min(gain, by_motion)
     return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
+
+
+def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
+    """Drop of the whitened squares of the torque residual where the fit's bodies hardly amplify noise of the motion.
+
+    A logged torque that carries noise of its own is small divided by an antiresonance, whether the axis has one or not.
+    """
+    squares = []
+    for axis in (base.axis, fit.axis):
+        white = np.zeros(len(balance.train))
+        white[balance.rows] = balance.whiten(balance.torque_residual(axis))
+        squares.append(np.abs(np.fft.rfft(white)) ** 2)
+    gain = np.abs(motion_gain(fit.axis, np.fft.rfftfreq(len(white), balance.data.dt))) ** 2
+    calm = gain < CALM
+    return float(2.0 * (squares[0] - squares[1])[calm].sum() / len(white))
 
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
@@ -179,7 +199,7 @@ def impossible(balance: Balance, fit: Fit, index: int) -> bool:
     """Whether an effect is larger than any torque, or its own declaration warns of its values."""
     item = fit.axis.effects[index]
     kept = tuple(other for other in fit.axis.effects if other is not item)
-    own = balance.residual(replace(fit.axis, effects=kept)) - balance.residual(fit.axis)
+    own = balance.torque_residual(replace(fit.axis, effects=kept)) - balance.torque_residual(fit.axis)
     return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
 
 

@@ -20,7 +20,7 @@ def prior(free: list[Free] | tuple[Free, ...]) -> np.ndarray:
 
 def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
     """Joint fit of everything the axis has, noise and weights estimated along the way."""
-    balance.estimate_noise(balance.residual(axis), axis)
+    balance.estimate_noise(balance.residual(axis), axis.inertia)
     fit = None
     for i in range(rounds):
         free = balance.free(axis)

@@ -130,7 +130,7 @@ def _plain_map(
     if structure is None and _cancellation(balance, fit, believed) > CANCELLED:
         return None
     best = fit if structure is None else _mapped(balance, fit, structure)
-    balance.estimate_noise(balance.residual(best.axis), best.axis)
+    balance.estimate_noise(balance.residual(best.axis), best.axis.inertia)
     plain = remaining_structure(balance, selection.retuned)
     if plain is None or plain.table is None or len(plain.coordinates) < 2:
         return None  # what depends on one coordinate alone has names in the vocabulary

@@ -86,12 +86,17 @@ def test_training_data_do_not_matter(plain: Conditioned) -> None:
     assert free_run(changed, axis()) == free_run(plain, axis())
 
 
-def test_a_body_that_swings_lets_more_of_the_encoder_noise_through() -> None:
-    """The floor is what the true axis leaves; without the axis the line of its swing counts as missing physics."""
+def test_noise_that_a_mode_amplifies_counts_as_much_as_without_it() -> None:
+    """At the antiresonance the encoder's noise is most of the torque that the motion requires."""
     true = axis(item("flexible_mode", frequency=20.0, damping=0.03, inertia_ratio=0.3))
     balance = Balance(conditioned(recorded(true)))
-    left = balance.residual(true)
-    size = rms(left[balance.train])
-    frequency, blind = balance.noise_spectrum(left)
-    assert np.sqrt(np.trapezoid(blind, frequency)) < 0.82 * size
-    assert 0.88 * size < balance.noise_floor(true) < size
+    assert np.allclose(balance.residual(true), balance.torque_residual(true))  # no noise is known yet
+    balance.weigh(true)
+    balance.weigh(true)
+    left, torque = (x[balance.train] for x in (balance.residual(true), balance.torque_residual(true)))
+    assert rms(left) < 0.85 * rms(torque)
+    assert balance.noise_floor(true) == pytest.approx(rms(left), rel=0.05)
+    gain = balance.noise_gain(true, np.array([0.0, 20.0 * np.sqrt(0.7), 20.0]))
+    assert gain[0] == pytest.approx(1.0)
+    assert gain[1] > 3.0 > 1.0 > gain[2]
+    assert np.array_equal(balance.residual(axis()), balance.torque_residual(axis()))
