@@ -64,7 +64,8 @@ class Background:
         """`filtered` of a body: it changes the torque that the motion requires, and how much of its noise comes through."""
         balance, with_it = self.balance, self.axis.with_effect(item)
         residual = balance.torque_residual(self.axis)
-        inertial = self.axis.inertia * balance.parts.acceleration(self.axis)
+        size = balance.scale(balance.parts.rotor(self.axis)[1])
+        inertial = size * self.axis.inertia * balance.parts.acceleration(self.axis)
         after = np.empty(len(residual))
         for begin, end in itertools.pairwise(balance.ends):
             count = fft.next_fast_len(int(end - begin), real=True)
