@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import fft
 
 from tcs_friction.diagnose.balance import Balance, Free, at_bound, motion_gain, pairs, rms
 from tcs_friction.physics.axis import Axis
@@ -46,35 +44,24 @@ class Background:
 
     def filtered(self, item: Instance) -> np.ndarray:
         """`column` of a linear filter from its transfer function; right but for the ends of the stretches."""
-        assert item.term.transfer is not None
+        transfer = item.term.transfer
+        assert transfer is not None
         if item.term.place is not Place.DRIVE:
             return self._swung(item)
-        rotor, size = self.balance.parts.rotor(self.axis)
-        added = np.empty(len(rotor))
-        for begin, end in itertools.pairwise(self.balance.ends):
-            count = fft.next_fast_len(int(end - begin), real=True)
-            s = 2j * math.pi * fft.rfftfreq(count, self.balance.data.dt)
-            spectrum = fft.rfft(rotor[begin:end], count) * item.term.transfer(item.values, s)
-            added[begin:end] = fft.irfft(spectrum, count, overwrite_x=True)[: end - begin]
-        before = self.balance.scale(size)
-        after = self.balance.scale(rms((rotor + added)[self.balance.train]))
+        balance = self.balance
+        rotor, size = balance.parts.rotor(self.axis)
+        added = balance.through(rotor, lambda frequency: transfer(item.values, 2j * math.pi * frequency))
+        before, after = balance.scale(size), balance.scale(rms((rotor + added)[balance.train]))
         return np.asarray((after / before - 1.0) * self.residual + after * added)
 
     def _swung(self, item: Instance) -> np.ndarray:
         """`filtered` of a body: it changes the torque that the motion requires, and how much of its noise comes through."""
-        balance, with_it = self.balance, self.axis.with_effect(item)
-        residual = balance.torque_residual(self.axis)
+        balance, swung = self.balance, self.axis.with_effect(item)
         size = balance.scale(balance.parts.rotor(self.axis)[1])
         inertial = size * self.axis.inertia * balance.parts.acceleration(self.axis)
-        after = np.empty(len(residual))
-        for begin, end in itertools.pairwise(balance.ends):
-            count = fft.next_fast_len(int(end - begin), real=True)
-            frequency = fft.rfftfreq(count, balance.data.dt)
-            change = motion_gain(with_it, frequency) - motion_gain(self.axis, frequency)
-            spectrum = fft.rfft(residual[begin:end], count) - change * fft.rfft(inertial[begin:end], count)
-            spectrum /= balance.noise_gain(with_it, frequency)
-            after[begin:end] = fft.irfft(spectrum, count, overwrite_x=True)[: end - begin]
-        return after - self.residual
+        added = balance.through(inertial, lambda f: motion_gain(swung, f) - motion_gain(self.axis, f))
+        left = balance.torque_residual(self.axis) - added
+        return balance.through(left, lambda f: 1.0 / balance.noise_gain(swung, f)) - self.residual
 
     def column_by_motion(self, item: Instance) -> np.ndarray:
         """`column` of friction that follows the load, the load taken from the motion."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -189,11 +189,15 @@ class Balance:
         residual = self.torque_residual(axis, remember)
         if not swinging(axis):
             return residual
+        return self.through(residual, lambda frequency: 1.0 / self.noise_gain(axis, frequency))
+
+    def through(self, x: np.ndarray, response: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """A series (n,) through a linear filter, stretch by stretch; `response` (m,) at frequencies (m,), Hz, may be complex."""
         parts = []
         for a, b in itertools.pairwise(self.ends):
             size = fft.next_fast_len(int(b - a) + math.ceil(RINGING / self.data.dt), real=True)
-            gain = self.noise_gain(axis, fft.rfftfreq(size, self.data.dt))
-            parts.append(fft.irfft(fft.rfft(residual[a:b], size) / gain, size)[: b - a])
+            spectrum = fft.rfft(x[a:b], size) * response(fft.rfftfreq(size, self.data.dt))
+            parts.append(fft.irfft(spectrum, size, overwrite_x=True)[: b - a])
         return np.concatenate(parts)
 
     def noise_gain(self, axis: Axis, frequency: np.ndarray) -> np.ndarray:

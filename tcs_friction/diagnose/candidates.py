@@ -9,7 +9,7 @@ and on what sampling leaves behind: they have to explain a share of the noise po
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -129,41 +129,46 @@ def _stepped(balance: Balance, axis: Axis) -> Fit:
 
 
 def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, spread: float) -> Candidate:
-    """What a fit from a start is worth beside the base.
-
-    Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so effects that
-    feed on noise gain by it at high frequency. What they gain must show in the slow part as well; of collisions, beyond what
-    blurred signals explain; of a mode, in the torque too; of friction that follows the load, with the load taken from the motion.
-    """
+    """What a fit from a start is worth beside the base."""
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
     gain = (base.squares - fit.squares) / spread / start.excess
     if any(implausible(balance, axis, fit, len(axis.effects) + k) for k in range(len(terms))):
         gain = 0.0
+    elif any(map(feeds_on_noise, terms)):
+        shown = _shown(balance, fit.axis.effects[len(axis.effects) :], start, fit, base)
+        gain = min([gain, *(some / spread for some, needed in shown if some / spread < needed)])
+    return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
+
+
+def _shown(
+    balance: Balance, items: Sequence[Instance], start: Start, fit: Fit, base: Fit
+) -> Iterator[tuple[float, float]]:
+    """Squares that effects which feed on noise gain where that noise is not, and how many units of it they need there.
+
+    Noise of the encoder is in the residual through the acceleration and in the torque through the controller, so such effects
+    gain by it at high frequency. What they gain must show in the slow part as well; of collisions, beyond what blurred signals
+    explain; of a mode, in the torque too; of friction that follows the load, with the load taken from the motion.
+    """
+    needed = chance(start.count, start.looks)
+    terms = [item.term for item in items]
     both = [balance.whiten(balance.residual(x.axis)) for x in (base, fit)]
     if any(feeds_on_noise(term) and not rings(term) for term in terms):
         before, after = (slow_part(balance, white) for white in both)
-        slow = float(before @ before - after @ after) / spread
-        if slow < chance(start.count, start.looks):
-            gain = min(gain, slow)
+        yield float(before @ before - after @ after), needed
     if any(term.jagged for term in terms):
         blurred = blurs(balance, base.axis)
         before, after = (white - blurred @ (blurred.T @ white) for white in both)
         change = before - after  # its best multiple counts: the fit could not know the blurs
-        beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300) / spread
-        if beyond < chance(start.count, start.looks) + BEYOND * balance.effective_count:
-            gain = min(gain, beyond)
+        beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300)
+        yield beyond, needed + BEYOND * balance.effective_count
     if any(rings(term) and term.transfer is not None for term in terms):
-        calm = _calm_gain(balance, base, fit) / spread
-        if calm < chance(start.count, start.looks):
-            gain = min(gain, calm)
-    for item in fit.axis.effects[len(axis.effects) :]:
+        yield _calm_gain(balance, base, fit), needed
+    for item in items:
         if follows_load(item.term):
-            others = replace(fit.axis, effects=tuple(x for x in fit.axis.effects if x is not item))
-            by_motion = gain_by_motion(Background(balance, others, balance.free(others)), item) / spread
-            if by_motion < threshold(balance, [item.term], 1, 1.0):
-                gain = min(gain, by_motion)
-    return Candidate(start.name, gain, limit, fit, replace(start, columns=np.empty((0, 0))))
+            others = fit.axis.without_effect(item)
+            by_motion = gain_by_motion(Background(balance, others, balance.free(others)), item)
+            yield by_motion, threshold(balance, [item.term], 1, 1.0)
 
 
 def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
@@ -198,8 +203,7 @@ def implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
 def impossible(balance: Balance, fit: Fit, index: int) -> bool:
     """Whether an effect is larger than any torque, or its own declaration warns of its values."""
     item = fit.axis.effects[index]
-    kept = tuple(other for other in fit.axis.effects if other is not item)
-    own = balance.torque_residual(replace(fit.axis, effects=kept)) - balance.torque_residual(fit.axis)
+    own = balance.torque_residual(fit.axis.without_effect(item)) - balance.torque_residual(fit.axis)
     return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
 
 

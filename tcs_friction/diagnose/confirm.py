@@ -8,6 +8,7 @@ import numpy as np
 
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
 from tcs_friction.diagnose.candidates import SAME, Candidate, chance
+from tcs_friction.diagnose.limits import passes
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Role
 
@@ -120,8 +121,7 @@ def _passed_once(balance: Balance, item: Instance) -> bool:
     if not item.term.local:
         return False
     near = _near(balance, item, 1.0)
-    passes = np.count_nonzero(np.diff(near, prepend=False) & near)
-    return bool(passes < 2 or len(np.unique(balance.pieces[balance.rows][near])) < 2)
+    return passes(near) < 2 or len(np.unique(balance.pieces[balance.rows][near])) < 2
 
 
 def _accounts(balance: Balance, base: Fit, candidate: Candidate) -> bool:

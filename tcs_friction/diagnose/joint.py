@@ -38,9 +38,7 @@ def judged(balance: Balance, fit: Fit) -> Fit:
 
 def without(balance: Balance, fit: Fit, index: int) -> Fit:
     """The joint fit without one effect."""
-    axis = fit.axis
-    kept = tuple(item for i, item in enumerate(axis.effects) if i != index)
-    fewer = replace(axis, effects=kept)
+    fewer = fit.axis.without_effect(fit.axis.effects[index])
     free = balance.free(fewer)
     return balance.fit(fewer, free, prior(free), iterations=5, tolerance=0.5)
 

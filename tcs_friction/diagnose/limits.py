@@ -58,11 +58,15 @@ def passed_once(data: Conditioned, effects: Sequence[Instance]) -> tuple[str, ..
     for item in effects:
         if item.term.local:
             near = [np.abs(s.position - item.values["centre"]) < item.values["width"] for s in data.stretches]
-            passes = sum(int(np.count_nonzero(np.diff(x, prepend=False) & x)) for x in near)
-            if passes == 1:
+            if sum(map(passes, near)) == 1:
                 name = item.term.id.replace("_", " ")
                 lines.append(f"whether the {name} belongs to its place or to the moment at which the axis passed it, once")
     return tuple(lines)
+
+
+def passes(inside: np.ndarray) -> int:
+    """How often a series (n,) of answers whether the axis is somewhere turns to yes."""
+    return int(np.count_nonzero(np.diff(inside, prepend=False) & inside))
 
 
 def check_units(data: Conditioned, axis: Axis) -> None:

@@ -149,12 +149,12 @@ def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
     full = balance.residual(fit.axis)
     effects = fit.axis.effects
 
-    def torque(kept: tuple[Instance, ...]) -> np.ndarray:
-        difference = balance.residual(_with_effects(fit.axis, kept)) - full
+    def torque(fewer: Axis) -> np.ndarray:
+        difference = balance.residual(fewer) - full
         return difference - float(np.mean(difference))
 
-    together = torque(effects[:believed])
-    single = [torque(tuple(e for e in effects if e is not item)) for item in effects[believed:]]
+    together = torque(replace(fit.axis, effects=effects[:believed]))
+    single = [torque(fit.axis.without_effect(item)) for item in effects[believed:]]
     return float(np.var(together)) / max(sum(float(np.var(x)) for x in single), 1e-300)
 
 
@@ -261,8 +261,7 @@ class _Judge:
         alone = rivals.without if rivals is not None else self.selection.retuned
         before, after = self.balance.residual(alone.axis), self.balance.residual(self.fit.axis)
         held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
-        others = tuple(e for e in self.fit.axis.effects if e is not item)
-        effect_torque = self.balance.residual(_with_effects(self.fit.axis, others)) - after
+        effect_torque = self.balance.residual(self.fit.axis.without_effect(item)) - after
         count = sum(f.owner == index for f in self.fit.free)
         gain = rivals.gain if rivals is not None else 0.0
         penalty = count * math.log(self.balance.effective_count)
@@ -337,8 +336,7 @@ class _Judge:
 
     def _isolated(self, item: Instance, improved: np.ndarray, thin: slice) -> Isolated:
         """What is left when all but this effect is taken away, against the effect's coordinate."""
-        others = tuple(e for e in self.fit.axis.effects if e is not item)
-        left = self.balance.residual(_with_effects(self.fit.axis, others))
+        left = self.balance.residual(self.fit.axis.without_effect(item))
         coordinate, unit, x = _coordinate(self.data, item)
         return Isolated(item.term.id, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
 
@@ -374,10 +372,6 @@ def _equivalent(item: Instance, rivals: Rivals | None) -> tuple[str, ...]:
         return ()
     close = [c.name.split(":")[0] for c in rivals.candidates if c.gain > rivals.gain - rivals.same]
     return tuple(dict.fromkeys(name for name in close if name != item.term.id))
-
-
-def _with_effects(axis: Axis, effects: tuple[Instance, ...]) -> Axis:
-    return replace(axis, effects=effects)
 
 
 def _deviation(

@@ -86,6 +86,10 @@ class Axis:
         """The axis with one more effect."""
         return replace(self, effects=(*self.effects, item))
 
+    def without_effect(self, item: Instance) -> Axis:
+        """The axis without this one of its effects."""
+        return replace(self, effects=tuple(other for other in self.effects if other is not item))
+
     def warnings(self) -> list[str]:
         """What is doubtful about the values, one line each."""
         return [f"axis {self.name}: {line}" for item in self.terms for line in item.term.warn(item.values)]
