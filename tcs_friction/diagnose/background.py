@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance, Free, at_bound, motion_gain, pairs, rms
+from tcs_friction.diagnose.balance import Balance, Free, at_bound, motion_gain, pairs
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
+from tcs_friction.physics.terms import Instance, Role, Survey, Term, instance
 
 
 class Background:
@@ -42,20 +42,9 @@ class Background:
         """Change of the residual (n,) when the effect is added as it is."""
         return np.asarray(self.balance.residual(self.axis.with_effect(item), remember=False) - self.residual)
 
-    def filtered(self, item: Instance) -> np.ndarray:
-        """`column` of a linear filter from its transfer function; right but for the ends of the stretches."""
-        transfer = item.term.transfer
-        assert transfer is not None
-        if item.term.place is not Place.DRIVE:
-            return self._swung(item)
-        balance = self.balance
-        rotor, size = balance.parts.rotor(self.axis)
-        added = balance.through(rotor, lambda frequency: transfer(item.values, 2j * math.pi * frequency))
-        before, after = balance.scale(size), balance.scale(rms((rotor + added)[balance.train]))
-        return np.asarray((after / before - 1.0) * self.residual + after * added)
-
-    def _swung(self, item: Instance) -> np.ndarray:
-        """`filtered` of a body: it changes the torque that the motion requires, and how much of its noise comes through."""
+    def swung(self, item: Instance) -> np.ndarray:
+        """`column` of a body from its transfer function: it changes the torque that the motion requires, and how much of its
+        noise comes through. Right but for the ends of the stretches."""
         balance, swung = self.balance, self.axis.with_effect(item)
         size = balance.scale(balance.parts.rotor(self.axis)[1])
         inertial = size * self.axis.inertia * balance.parts.acceleration(self.axis)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import fft, ndimage, signal
 
-from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.condition import Conditioned, through
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
@@ -25,7 +25,6 @@ from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
-RINGING = 2.0  # s of zeros after a stretch, in which a swing may ring out
 MOST_OF_MOTION = 0.9  # of the noise power: the drive always adds a little
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 
@@ -193,12 +192,7 @@ class Balance:
 
     def through(self, x: np.ndarray, response: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """A series (n,) through a linear filter, stretch by stretch; `response` (m,) at frequencies (m,), Hz, may be complex."""
-        parts = []
-        for a, b in itertools.pairwise(self.ends):
-            size = fft.next_fast_len(int(b - a) + math.ceil(RINGING / self.data.dt), real=True)
-            spectrum = fft.rfft(x[a:b], size) * response(fft.rfftfreq(size, self.data.dt))
-            parts.append(fft.irfft(spectrum, size, overwrite_x=True)[: b - a])
-        return np.concatenate(parts)
+        return np.concatenate([through(x[a:b], self.data.dt, response) for a, b in itertools.pairwise(self.ends)])
 
     def noise_gain(self, axis: Axis, frequency: np.ndarray) -> np.ndarray:
         """Factor by which bodies that swing on an axis amplify the residual's noise, at frequencies (n,), Hz."""
@@ -366,21 +360,25 @@ class Balance:
 
     def columns(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
         """Derivative of the residual (n, k) by the free numbers, by forward differences; at an upper bound backwards."""
-        numbers = get(axis, free)
-        columns = np.empty((len(residual), len(free)))
-
-        def differentiate(k: int) -> None:
-            moved = numbers.copy()
-            step = -free[k].scale if at_bound(axis, free, k) == 1 else free[k].scale
-            moved[k] = numbers[k] + step
-            columns[:, k] = (self.residual(put(axis, free, moved)) - residual) / step
-
-        side_by_side(differentiate, range(len(free)))
-        return columns
+        return self._differentiated(axis, free, residual, lambda column: column)
 
     def jacobian(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
         """Derivative of the whitened residual (rows, k)."""
-        return self.whiten(self.columns(axis, free, residual))
+        return self._differentiated(axis, free, residual, self.whiten)
+
+    def _differentiated(
+        self, axis: Axis, free: Sequence[Free], residual: np.ndarray, passed: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        numbers = get(axis, free)
+
+        def differentiate(k: int) -> np.ndarray:
+            moved = numbers.copy()
+            step = -free[k].scale if at_bound(axis, free, k) == 1 else free[k].scale
+            moved[k] = numbers[k] + step
+            return passed((self.residual(put(axis, free, moved)) - residual) / step)
+
+        columns = side_by_side(differentiate, range(len(free)))
+        return np.stack(columns, axis=1) if columns else np.empty((len(passed(residual)), 0))
 
     def fit(
         self,

@@ -9,7 +9,7 @@ of the motion, so motion is kept in a wider band and the torques that it demands
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,12 +23,13 @@ SHORTEST = 2.0  # s; a shorter stretch is left out
 FEWEST = 200  # samples
 EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends of a stretch
 EDGE_SECONDS = 0.1
-SAMPLES_PER_PERIOD = 4.0  # compared, of the cutoff; torques are narrowed to 1.4 times the cutoff
-STEPS_PER_PERIOD = 12.0  # at which motion is evaluated: bristles need finer steps than the comparison
+SAMPLES_PER_PERIOD = 3.0  # compared, of the cutoff; torques are narrowed to 1.4 times the cutoff
+STEPS_PER_PERIOD = 6.0  # at which motion is evaluated: bristles need finer steps than the comparison
 FILTER_ORDER = 8
 WIDE = 2.0  # band of the motion over that of the comparison
 WIDEST = 0.4  # of the sampling rate
 TAPS = 2.0  # periods of the cutoff on each side, of the filter that narrows torques
+RINGING = 2.0  # s of zeros after a series, in which a filter may ring out
 CLEAR = 5.0  # power over that of the position's noise that counts as a signal
 HELD_OUT = 0.25  # share of the data
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -121,6 +122,13 @@ def low_pass(x: np.ndarray, dt: float, cutoff: float, derivatives: int = 0) -> l
     if derivatives:
         results[1] = results[1] + slope
     return results
+
+
+def through(x: np.ndarray, dt: float, response: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """A series (n,) through a linear filter; `response` (m,), complex, at frequencies (m,), Hz. Before and after it are zeros."""
+    size = fft.next_fast_len(len(x) + math.ceil(RINGING / dt), real=True)
+    spectrum = fft.rfft(x, size) * response(fft.rfftfreq(size, dt))
+    return np.asarray(fft.irfft(spectrum, size, overwrite_x=True)[: len(x)])
 
 
 def position_spectrum(position: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, float]:

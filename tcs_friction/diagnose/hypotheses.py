@@ -208,7 +208,8 @@ def _judge_directly(
     background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
 ) -> Start | None:
     item = instance(term, values, signal=signal_name)
-    column = background.filtered(item) if term.transfer is not None else background.column(item)
+    body = term.place is Place.BODY and term.transfer is not None
+    column = background.swung(item) if body else background.column(item)
     changed = background.project(background.balance.whiten(background.residual + column))
     gain = background.squares - float(changed @ changed)
     return Start((item,), gain, len(values), looks, np.empty((len(changed), 0)))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 from threading import Lock
 
 import numpy as np
 
-from tcs_friction.diagnose.condition import Conditioned, Stretch
+from tcs_friction.diagnose.condition import Conditioned, Stretch, through
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
@@ -98,17 +99,24 @@ class Parts:
         drive, stretches = _at(axis, Place.DRIVE), self.data.stretches
 
         def walk() -> tuple[np.ndarray, ...]:
-            every = [s.torque for s in stretches]
-            if drive:
-                motions = self._motion(axis, remember)[1:]
-                every = [np.empty(len(s.t)) for s in stretches]
-                for s, motion, out in zip(stretches, motions, every, strict=True):
-                    built = self._built(axis, drive, motion)
-                    machine.evaluate_drive(built, s.t, motion, s.torque, s.signals, out)
+            motions = self._motion(axis, remember)[1:]
+            every = [self._driven(axis, drive, s, motion) for s, motion in zip(stretches, motions, strict=True)]
             rotor = np.concatenate([self.data.narrowed(x) for x in every])
             return rotor, np.sqrt(np.mean(rotor[self.train] ** 2, keepdims=True)), *every
 
         return self.memory.get(("drive", _key(drive), _key(_at(axis, Place.SENSOR))), walk, remember)
+
+    def _driven(self, axis: Axis, drive: Sequence[Instance], s: Stretch, motion: np.ndarray) -> np.ndarray:
+        """Torque (n,) of a stretch after the drive's terms; linear filters by their responses, which steps would bend."""
+        torque = s.torque
+        for item in drive:
+            if item.term.transfer is None:
+                logged, torque = torque, np.empty(len(torque))
+                built = self._built(axis, [item], motion)
+                machine.evaluate_drive(built, s.t, motion, logged, s.signals, torque)
+            else:
+                torque = torque + through(torque - torque[0], self.step, partial(_response, item))
+        return torque
 
     def acceleration(self, axis: Axis) -> np.ndarray:
         """True acceleration (n,), rad/s^2, narrowed as torques are."""
@@ -179,6 +187,12 @@ class Parts:
 
 def _at(axis: Axis, place: Place) -> list[Instance]:
     return [item for item in axis.terms if item.term.place is place]
+
+
+def _response(item: Instance, frequency: np.ndarray) -> np.ndarray:
+    """What a linear filter adds to a torque, at frequencies (m,), Hz."""
+    assert item.term.transfer is not None
+    return item.term.transfer(item.values, 2j * np.pi * frequency)
 
 
 def _friction(axis: Axis) -> list[Instance]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
 
 In = TypeVar("In")
@@ -17,14 +18,48 @@ _here = threading.local()
 
 
 def side_by_side(function: Callable[[In], Out], items: Iterable[In]) -> list[Out]:
-    """`[function(item) for item in items]`, items on up to MOST cores; within another such map one after the other."""
+    """`[function(item) for item in items]` on up to MOST cores.
+
+    Within another such map, threads that have run out of work there help here.
+    """
     items = list(items)
-    workers = min(len(os.sched_getaffinity(0)), len(items), MOST)
-    if workers < 2 or getattr(_here, "inside", False):
+    if hasattr(_here, "pool"):
+        return _shared(_here.pool, function, items, takes_part=True)
+    workers = min(len(os.sched_getaffinity(0)), MOST)
+    if workers < 2 or len(items) < 2:
         return [function(item) for item in items]
-    with ThreadPoolExecutor(workers, initializer=_enter) as pool:
-        return list(pool.map(function, items))
+    pool: ThreadPoolExecutor
+    with ThreadPoolExecutor(workers, initializer=lambda: setattr(_here, "pool", pool)) as pool:
+        return _shared(pool, function, items, takes_part=False)
 
 
-def _enter() -> None:
-    _here.inside = True
+def _shared(pool: ThreadPoolExecutor, function: Callable[[In], Out], items: list[In], takes_part: bool) -> list[Out]:
+    """The map, worked off by whoever in the pool is free, and by this thread if it is one of the pool's.
+
+    Nobody waits for what has not begun, and what has begun waits only for what it began itself: no thread blocks another.
+    """
+    results: dict[int, Out] = {}
+    left = deque(range(len(items)))
+
+    def work() -> None:
+        while left:
+            try:
+                index = left.popleft()
+            except IndexError:  # another thread was faster
+                return
+            try:
+                results[index] = function(items[index])
+            except BaseException:
+                left.clear()
+                raise
+
+    offered = [pool.submit(work) for _ in range(min(len(items), MOST))]
+    if takes_part:
+        try:
+            work()
+        finally:
+            offered = [one for one in offered if not one.cancel()]
+            wait(offered)
+    for one in offered:
+        one.result()
+    return [results[index] for index in range(len(items))]

@@ -96,5 +96,5 @@ def test_noise_that_a_mode_amplifies_counts_as_much_as_without_it() -> None:
     assert balance.noise_floor(true) == pytest.approx(rms(balance.residual(true)[balance.train]), rel=0.12)
     gain = balance.noise_gain(true, np.array([0.0, 20.0 * np.sqrt(0.7), 20.0]))
     assert gain[0] == pytest.approx(1.0)
-    assert gain[1] > 3.0 > 1.0 > gain[2]
+    assert gain[1] > 2.5 > 1.0 > gain[2]
     assert np.array_equal(balance.residual(axis()), balance.torque_residual(axis()))

@@ -18,7 +18,7 @@ from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.hypotheses import starts
 from tcs_friction.diagnose.joint import settle
-from tcs_friction.diagnose.parts import Memory
+from tcs_friction.diagnose.parts import Memory, Parts
 from tcs_friction.physics import machine
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import Place, Term, instance
@@ -34,22 +34,33 @@ VALUES = {
 def test_a_map_keeps_its_order_and_runs_on_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
     together = threading.Barrier(2, timeout=10.0)
-    inner: list[set[str]] = []
 
     def work(x: int) -> int:
         together.wait()
-        seen: set[str] = set()
-        side_by_side.side_by_side(lambda _: seen.add(threading.current_thread().name), range(5))
-        inner.append(seen)
         return x * x
 
     assert side_by_side.side_by_side(work, range(4)) == [0, 1, 4, 9]
-    assert all(len(seen) == 1 for seen in inner)
 
 
-def test_an_error_in_a_map_is_the_caller_s() -> None:
+def test_a_thread_without_work_helps_in_a_map_within_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    together = threading.Barrier(2, timeout=10.0)
+
+    def inner(x: int) -> int:
+        together.wait()
+        return x + 1
+
+    def outer(x: int) -> list[int]:
+        return side_by_side.side_by_side(inner, range(4)) if x == 1 else []
+
+    assert side_by_side.side_by_side(outer, range(2)) == [[], [1, 2, 3, 4]]
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_an_error_in_a_map_is_the_caller_s(place: int) -> None:
     with pytest.raises(ZeroDivisionError):
-        side_by_side.side_by_side(lambda x: 1 // x, [1, 0, 2])
+        side_by_side.side_by_side(lambda x: 1 // (x - place), range(4))
+    assert side_by_side.side_by_side(lambda x: x, range(3)) == [0, 1, 2]
 
 
 def test_what_is_not_to_be_remembered_is_made_again() -> None:
@@ -111,15 +122,31 @@ def test_lean_loops_agree_with_the_full_one() -> None:
     assert demand + full.inertia * s.acceleration == pytest.approx(out[:, machine.REQUIRED])
 
 
-@pytest.mark.parametrize("term", FILTERS, ids=lambda term: term.id)
-def test_a_filter_s_column_by_its_transfer_is_that_of_the_kernel(term: Term) -> None:
+def test_a_body_s_column_by_its_transfer_is_that_of_the_kernel() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(2)))
     background = Background(balance, fit.axis, fit.free)
-    slow = {"frequency": 3.0} if term.id == "flexible_mode" else {}  # a mode that this slow motion wakes
-    item = instance(term, VALUES[term.id] | slow)
-    columns = (background.column(item), background.filtered(item))
+    slow = {"frequency": 3.0}  # a mode that this slow motion wakes
+    item = instance(effect("flexible_mode"), VALUES["flexible_mode"] | slow)
+    columns = (background.column(item), background.swung(item))
     exact, quick = (ndimage.uniform_filter1d(x, 20)[2000:-2000] for x in columns)
     assert np.std(quick - exact) < 0.05 * np.std(exact)
+
+
+@pytest.mark.parametrize("name", ["transport_delay", "actuator_lag"])
+def test_a_filter_of_the_drive_is_exact_between_samples(name: str) -> None:
+    """A torque as fast as any that is compared: on the line between two samples its peaks would be cut."""
+    data = conditioned(np.random.default_rng(2))
+    w = 2.0 * math.pi * 0.9 * data.cutoff
+    stretches = tuple(replace(s, torque=np.sin(w * s.t)) for s in data.stretches)
+    data = replace(data, stretches=stretches)
+    value = {"transport_delay": "delay", "actuator_lag": "time_constant"}[name]
+    item = instance(effect(name), {value: 0.5 * data.dt / data.stride})
+    assert item.term.transfer is not None
+    response = 1.0 + item.term.transfer(item.values, np.array([1j * w]))[0]
+    expected = data.narrowed(np.imag(response * np.exp(1j * w * data.stretches[0].t)))
+    rotor, _ = Parts(data).rotor(axis().with_effect(item))
+    inside = slice(500, -500)
+    assert rotor[inside] == pytest.approx(expected[inside], abs=2e-3)
 
 
 def test_noise_of_the_torque_is_no_load_dependence() -> None:

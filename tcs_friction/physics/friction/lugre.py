@@ -33,18 +33,39 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
+VANISHED = 40.0  # exponent beyond which a bell curve is below rounding
+SHORT = 0.1  # bristle widths that a short step travels
+
 
 @njit(cache=True, error_model="numpy")
 def stribeck_level(velocity: float, coulomb: float, static: float, stribeck_velocity: float) -> float:
     """Dry friction available at this velocity, N m (paper eq. 3)."""
     ratio = velocity / stribeck_velocity
-    return coulomb + (static - coulomb) * math.exp(-ratio * ratio)
+    return coulomb + (static - coulomb) * bell(ratio * ratio)
+
+
+@njit(cache=True, error_model="numpy")
+def bell(square: float) -> float:
+    """exp(-square), 0 where that is less than one can be told from."""
+    return math.exp(-square) if square < VANISHED else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def scaled(motion: Any, level: float) -> float:
     """The level after the SCALE terms, N m; it stays positive whatever they do."""
     return float(max((level + motion[EXTRA_LEVEL]) * motion[DRY_SCALE], 1e-3 * level))
+
+
+@njit(cache=True, error_model="numpy")
+def relaxation(x: float) -> tuple[float, float]:
+    """exp(-x) for x >= 0 and its mean between 0 and x, to rounding; a short step takes the mean's series."""
+    if x > SHORT:
+        decay = math.exp(-x)
+        return decay, (1.0 - decay) / x
+    mean = 1.0 - x / 9.0
+    for share in (1.0 / 8.0, 1.0 / 7.0, 1.0 / 6.0, 1.0 / 5.0, 1.0 / 4.0, 1.0 / 3.0, 1.0 / 2.0):
+        mean = 1.0 - x * share * mean
+    return 1.0 - x * mean, mean
 
 
 @njit(cache=True, error_model="numpy")
@@ -57,10 +78,7 @@ def bristle_step(deflection: float, travel: float, before: float, level: float, 
     if travel == 0.0:
         return deflection
     direction = 1.0 if travel > 0.0 else -1.0
-    widths = stiffness * abs(travel) * 2.0 / (before + level)
-    lost = -math.expm1(-widths)
-    decay = 1.0 - lost
-    mean = lost / widths if widths > 0.0 else 1.0  # of the decay over the step
+    decay, mean = relaxation(stiffness * abs(travel) * 2.0 / (before + level))
     return deflection * decay + direction / stiffness * (before * (mean - decay) + level * (1.0 - mean))
 
 
@@ -78,10 +96,11 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     g = scaled(motion, stribeck_level(v, parameters[0], parameters[1], parameters[2]))
     z = bristle_step(state[0], motion[TRAVEL], level_before(motion, g), g, sigma0)
     state[0] = z
-    motion[DRY] = sigma0 * z + sigma1 * (v - sigma0 * abs(v) / g * z)
+    share = sigma0 * z / g
+    motion[DRY] = sigma0 * z + sigma1 * (v - abs(v) * share)
     motion[VISCOUS] = sigma2 * v * motion[VISCOUS_SCALE]
     motion[LEVEL] = g
-    motion[MOBILISED] = min(max(sigma0 * z / g, -1.0), 1.0)
+    motion[MOBILISED] = min(max(share, -1.0), 1.0)
     return float(motion[DRY] + motion[VISCOUS])
 
 
