@@ -144,14 +144,16 @@ class Fit:
 class Balance:
     """Torque balances over one set of conditioned recordings.
 
-    `weights` is the whitening filter (2 half + 1,), scaled so that whitened noise has variance one.
+    `weights` is the whitening filter (2 half + 1,), scaled so that whitened noise has variance one; `calm` the same where each
+    frequency counts by the share of its noise that is not the encoder's.
     """
 
     def __init__(self, data: Conditioned, believed_delay: float = 0.0) -> None:
         self.data = data
         self.believed_delay = believed_delay
         self.weights = np.array([1.0])
-        self.responses: dict[int, np.ndarray] = {}
+        self.calm = np.array([1.0])
+        self.responses: dict[tuple[int, bool], np.ndarray] = {}
         self.motion_share = np.zeros(2)  # of the noise power, by the encoder through the inertia, at even steps of frequency
         self.sizes = [len(s.train) for s in data.stretches]
         self.ends = np.cumsum([0, *self.sizes])
@@ -197,8 +199,12 @@ class Balance:
     def noise_gain(self, axis: Axis, frequency: np.ndarray) -> np.ndarray:
         """Factor by which bodies that swing on an axis amplify the residual's noise, at frequencies (n,), Hz."""
         amplified = np.abs(motion_gain(axis, frequency)) ** 2
-        share = np.interp(frequency, np.linspace(0.0, 0.5 / self.data.dt, len(self.motion_share)), self.motion_share)
-        return np.sqrt(1.0 + share * (amplified - 1.0))
+        return np.sqrt(1.0 + self.noise_share(frequency) * (amplified - 1.0))
+
+    def noise_share(self, frequency: np.ndarray) -> np.ndarray:
+        """Share of the encoder, through the inertia, in the residual's noise power at frequencies (n,), Hz."""
+        even = np.linspace(0.0, 0.5 / self.data.dt, len(self.motion_share))
+        return np.interp(frequency, even, self.motion_share)
 
     def torque_residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque at the rotor less what the motion requires (n,), N m, as if the drive passed all of the logged torque on.
@@ -217,10 +223,10 @@ class Balance:
         """Time derivative (n,) of a series, stretch by stretch."""
         return np.concatenate([np.gradient(x[a:b], self.data.dt) for a, b in itertools.pairwise(self.ends)])
 
-    def whiten(self, x: np.ndarray) -> np.ndarray:
+    def whiten(self, x: np.ndarray, calm: bool = False) -> np.ndarray:
         """Whitened series of (n,) or (n, k) on the train rows only."""
         local = np.sqrt(self.local_weight[self.rows])
-        return self._whiten_all(x)[self.rows] * (local if x.ndim == 1 else local[:, None])
+        return self._whiten_all(x, calm)[self.rows] * (local if x.ndim == 1 else local[:, None])
 
     def squares(self, axis: Axis) -> float:
         """Whitened sum of squares of an axis under the present weights."""
@@ -267,26 +273,27 @@ class Balance:
         spread = 1.0 + 3.0 * math.sqrt(2.0 / max(window * 2.0 * self.data.cutoff * self.data.dt, 1.0))
         self.local_weight = 1.0 / np.clip(power / (usual * spread), 1.0, LOUDEST)
 
-    def _whiten_all(self, x: np.ndarray) -> np.ndarray:
+    def _whiten_all(self, x: np.ndarray, calm: bool = False) -> np.ndarray:
         if len(self.weights) == 1:
             return x * self.weights[0]
         parts = []
         for a, b in zip(self.ends[:-1], self.ends[1:], strict=True):
             size = fft.next_fast_len(int(b - a) + len(self.weights) // 2, real=True)
-            response = self._response(size)
+            response = self._response(size, calm)
             spectrum = fft.rfft(x[a:b], size, axis=0)
             spectrum *= response if x.ndim == 1 else response[:, None]
             parts.append(fft.irfft(spectrum, size, axis=0, overwrite_x=True)[: b - a])
         return np.concatenate(parts)
 
-    def _response(self, size: int) -> np.ndarray:
+    def _response(self, size: int, calm: bool) -> np.ndarray:
         """The whitening filter's real response at the frequencies of a transform of `size`."""
-        if size not in self.responses:
-            half = len(self.weights) // 2
+        if (size, calm) not in self.responses:
+            weights = self.calm if calm else self.weights
+            half = len(weights) // 2
             turned = np.zeros(size)
-            turned[: half + 1], turned[size - half :] = self.weights[half:], self.weights[:half]
-            self.responses[size] = fft.rfft(turned).real
-        return self.responses[size]
+            turned[: half + 1], turned[size - half :] = weights[half:], weights[:half]
+            self.responses[size, calm] = fft.rfft(turned).real
+        return self.responses[size, calm]
 
     def _refresh_rows(self) -> None:
         """Rows whose whole whitening filter lies in train data."""
@@ -314,10 +321,13 @@ class Balance:
         power = np.where(inside, power, power[inside].max())  # what the filter took away is no lack of noise
         half = self._half_length()
         count = 2 * max(2 * half, len(frequency))
-        density = np.interp(np.linspace(0.0, frequency[-1], count // 2 + 1), frequency, power)
-        response = np.fft.irfft(np.sqrt(2.0 * self.data.dt / density), count)
-        response = np.roll(response, half)[: 2 * half + 1]
-        self.weights = response * signal.get_window("hann", 2 * half + 3, fftbins=False)[1:-1]
+        even = np.linspace(0.0, frequency[-1], count // 2 + 1)
+        response = np.sqrt(2.0 * self.data.dt / np.interp(even, frequency, power))
+        window = signal.get_window("hann", 2 * half + 3, fftbins=False)[1:-1]
+        self.weights, self.calm = (
+            window * np.roll(np.fft.irfft(x, count), half)[: 2 * half + 1]
+            for x in (response, response * (1.0 - self.noise_share(even)))
+        )
         self.responses = {}
         self._refresh_rows()
 
@@ -362,9 +372,11 @@ class Balance:
         """Derivative of the residual (n, k) by the free numbers, by forward differences; at an upper bound backwards."""
         return self._differentiated(axis, free, residual, lambda column: column)
 
-    def jacobian(self, axis: Axis, free: Sequence[Free], residual: np.ndarray) -> np.ndarray:
+    def jacobian(
+        self, axis: Axis, free: Sequence[Free], residual: np.ndarray, calm: bool = False
+    ) -> np.ndarray:
         """Derivative of the whitened residual (rows, k)."""
-        return self._differentiated(axis, free, residual, self.whiten)
+        return self._differentiated(axis, free, residual, lambda column: self.whiten(column, calm))
 
     def _differentiated(
         self, axis: Axis, free: Sequence[Free], residual: np.ndarray, passed: Callable[[np.ndarray], np.ndarray]
@@ -387,8 +399,12 @@ class Balance:
         prior: np.ndarray | None = None,
         iterations: int = 12,
         tolerance: float = 1.0,
+        still: np.ndarray | None = None,
+        calm: bool = False,
     ) -> Fit:
         """Levenberg-Marquardt on whitened train residuals.
+
+        `still` (k,) marks numbers that stay as they are. `calm`: as whitened for what noise of the encoder would lead astray.
 
         `prior` (k,) is the standard deviation that keeps a number that the data do not determine near its start (inf: none).
         Stops when a step gains less than `tolerance` (units of chi-squared, of the noise that the fit itself shows). Derivatives
@@ -396,25 +412,28 @@ class Balance:
         """
         start = get(axis, free)
         strength = np.zeros(len(free)) if prior is None else 1.0 / np.asarray(prior) ** 2
+        moving = np.ones(len(free), bool) if still is None else ~still
         residual = self.residual(axis)
-        white = self.whiten(residual)
+        white = self.whiten(residual, calm)
         cost = float(white @ white)
         damping, converged, numbers = 1e-4, False, start.copy()
         normal, foretold = np.diag(strength), False
         columns = np.empty((0, len(free)))
         for _ in range(iterations):
             if not foretold:
-                columns = self.jacobian(axis, free, residual)
+                columns = self.jacobian(axis, free, residual, calm)
                 normal = columns.T @ columns + np.diag(strength)
             gradient = columns.T @ white + strength * (numbers - start)
             before, foretold = cost, False
             for _ in range(6):
                 diagonal = np.maximum(np.diag(normal), 1e-12 * max(float(np.max(np.diag(normal))), 1e-300))
-                step = -np.linalg.lstsq(normal + damping * np.diag(diagonal), gradient, rcond=None)[0]
+                damped = (normal + damping * np.diag(diagonal))[np.ix_(moving, moving)]
+                step = np.zeros(len(free))
+                step[moving] = -np.linalg.lstsq(damped, gradient[moving], rcond=None)[0]
                 step = _limited(step, free)
                 trial = put(axis, free, numbers + step)
                 trial_residual = self.residual(trial)
-                trial_white = self.whiten(trial_residual)
+                trial_white = self.whiten(trial_residual, calm)
                 moved = get(trial, free)
                 trial_cost = float(trial_white @ trial_white + strength @ (moved - start) ** 2)
                 if np.isfinite(trial_cost) and trial_cost < cost:
@@ -436,6 +455,16 @@ class Balance:
         covariance = np.linalg.pinv(normal, hermitian=True)
         squares = float(white @ white)
         return Fit(axis, tuple(free), covariance, squares, converged)
+
+
+def timing(axis: Axis, free: Sequence[Free]) -> np.ndarray:
+    """Which free numbers (k,) say how much later the torque acts: alignment of the log, filters of the drive."""
+    return np.array([f.owner == -3 or (f.owner >= 0 and filters_torque(axis.effects[f.owner])) for f in free], bool)
+
+
+def filters_torque(item: Instance) -> bool:
+    """Whether an effect is a linear filter between the logged torque and the rotor."""
+    return item.term.place is Place.DRIVE and item.term.transfer is not None
 
 
 def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ and on what sampling leaves behind: they have to explain a share of the noise po
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,13 +17,13 @@ import numpy as np
 from scipy import ndimage, stats
 
 from tcs_friction.diagnose.background import Background, survey
-from tcs_friction.diagnose.balance import Balance, Fit, motion_gain, rms
+from tcs_friction.diagnose.balance import Balance, Fit, filters_torque, motion_gain, rms
 from tcs_friction.diagnose.hypotheses import (
     Start,
     follows_load,
     gain_by_motion,
 )
-from tcs_friction.diagnose.joint import prior
+from tcs_friction.diagnose.joint import joined
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -36,6 +36,7 @@ MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
 CALM = 2.0  # times the noise power: amplification below which a mode must improve the torque balance
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
+MOSTLY = 0.5  # of the noise power, from which that is the encoder's
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
@@ -110,7 +111,7 @@ def refine(balance: Balance, axis: Axis, starts: Sequence[Start], base: Fit, spr
     needed = base.squares - WINNING * (base.squares - min((fit.squares for fit in fits), default=0.0))
 
     def finished(fit: Fit) -> Fit:
-        return fit if fit.converged or fit.squares > needed else _stepped(balance, fit.axis)
+        return fit if fit.converged or fit.squares > needed else joined(balance, fit.axis, STEPS, tolerance=0.5)
 
     fits = side_by_side(finished, fits)
     return side_by_side(lambda pair: _candidate(balance, axis, *pair, base, spread), zip(starts, fits, strict=True))
@@ -120,19 +121,14 @@ def _joined(balance: Balance, axis: Axis, start: Start) -> Fit:
     """The first steps of the joint fit of an axis with what a start adds."""
     for item in start.instances:
         axis = _widened(balance, axis, item)
-    return _stepped(balance, axis)
-
-
-def _stepped(balance: Balance, axis: Axis) -> Fit:
-    free = balance.free(axis)
-    return balance.fit(axis, free, prior(free), iterations=STEPS, tolerance=0.5)
+    return joined(balance, axis, STEPS, tolerance=0.5)
 
 
 def _candidate(balance: Balance, axis: Axis, start: Start, fit: Fit, base: Fit, spread: float) -> Candidate:
     """What a fit from a start is worth beside the base."""
     terms = [item.term for item in start.instances]
     limit = threshold(balance, terms, start.count, start.looks)
-    gain = (base.squares - fit.squares) / spread / start.excess
+    gain = gained(balance, base, fit, start.instances) / spread / start.excess
     if any(implausible(balance, axis, fit, len(axis.effects) + k) for k in range(len(terms))):
         gain = 0.0
     elif any(map(feeds_on_noise, terms)):
@@ -171,28 +167,48 @@ def _shown(
             yield by_motion, threshold(balance, [item.term], 1, 1.0)
 
 
+def gained(balance: Balance, base: Fit, fit: Fit, items: Sequence[Instance]) -> float:
+    """Drop of the whitened squares from a fit to one with these effects, where what they do can be told from noise.
+
+    The controller answers the encoder's noise, so where most noise is the encoder's, a filter of the torque seems to explain it.
+    """
+    if not any(map(filters_torque, items)):
+        return base.squares - fit.squares
+    before, after = (balance.residual(x.axis) for x in (base, fit))
+    return _drop(balance, before, after, lambda frequency: balance.noise_share(frequency) < MOSTLY)
+
+
 def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
     """Drop of the whitened squares of the torque residual where the fit's bodies hardly amplify noise of the motion.
 
     A logged torque that carries noise of its own is small divided by an antiresonance, whether the axis has one or not.
     """
-    squares = []
-    for axis in (base.axis, fit.axis):
+    before, after = (balance.torque_residual(x.axis) for x in (base, fit))
+    return _drop(balance, before, after, lambda frequency: np.abs(motion_gain(fit.axis, frequency)) ** 2 < CALM)
+
+
+def _drop(
+    balance: Balance, before: np.ndarray, after: np.ndarray, chosen: Callable[[np.ndarray], np.ndarray]
+) -> float:
+    """Drop of the whitened squares from one residual (n,) to another at the frequencies (Hz) that are chosen."""
+    powers = []
+    for residual in (before, after):
         white = np.zeros(len(balance.train))
-        white[balance.rows] = balance.whiten(balance.torque_residual(axis))
-        squares.append(np.abs(np.fft.rfft(white)) ** 2)
-    gain = np.abs(motion_gain(fit.axis, np.fft.rfftfreq(len(white), balance.data.dt))) ** 2
-    calm = gain < CALM
-    return float(2.0 * (squares[0] - squares[1])[calm].sum() / len(white))
+        white[balance.rows] = balance.whiten(residual)
+        powers.append(np.abs(np.fft.rfft(white)) ** 2)
+    counted = chosen(np.fft.rfftfreq(len(white), balance.data.dt))
+    return float(2.0 * (powers[0] - powers[1])[counted].sum() / len(white))
 
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
-    """The axis with one more effect; a delay takes the alignment of the log over."""
-    if item.term.id != "transport_delay":
+    """The axis with one more effect; a filter of the torque starts from the believed alignment, a delay takes over the rest."""
+    if not filters_torque(item):
         return axis.with_effect(item)
-    late = item.values["delay"] + axis.actuation_delay - balance.believed_delay
     aligned = replace(axis, actuation_delay=balance.believed_delay)
-    return aligned.with_effect(item.replace(delay=max(late, 0.0)))
+    if item.term.id == "transport_delay":
+        late = item.values["delay"] + axis.actuation_delay - balance.believed_delay
+        item = item.replace(delay=max(late, 0.0))
+    return aligned.with_effect(item)
 
 
 def implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance, Fit, Free
+from tcs_friction.diagnose.balance import Balance, Fit, Free, filters_torque, timing
 from tcs_friction.physics.axis import Axis
 
 ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin
@@ -19,16 +19,37 @@ def prior(free: list[Free] | tuple[Free, ...]) -> np.ndarray:
 
 
 def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
-    """Joint fit of everything the axis has, noise and weights estimated along the way."""
+    """Joint fit of everything the axis has, timing, noise and weights estimated along the way."""
     balance.estimate_noise(balance.residual(axis), axis.inertia)
     fit = None
     for i in range(rounds):
-        free = balance.free(axis)
-        fit = balance.fit(axis, free, prior(free), iterations=20 if i == 0 else 8)
+        iterations = 20 if i == 0 else 8
+        fit = joined(balance, timed(balance, axis, iterations), iterations, retime=False)
         axis = fit.axis
         balance.weigh(axis)
     assert fit is not None
     return judged(balance, fit)
+
+
+def timed(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0) -> Axis:
+    """The axis after a calm fit of all that times the torque, and of its base.
+
+    The controller answers the encoder's noise with torque: a fit to all frequencies puts the torque where it cancels that noise.
+    """
+    free = balance.free(axis)
+    some = [f for f, late in zip(free, timing(axis, free), strict=True) if late or f.owner < 0]
+    return balance.fit(axis, some, prior(some), iterations, tolerance, calm=True).axis
+
+
+def joined(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0, retime: bool | None = None) -> Fit:
+    """Joint fit of everything under the present weights, but what times the torque, held after a calm fit of its own.
+
+    retime: whether that is made; None: where the axis has a filter of the torque.
+    """
+    if retime or (retime is None and any(map(filters_torque, axis.effects))):
+        axis = timed(balance, axis, iterations, tolerance)
+    free = balance.free(axis)
+    return balance.fit(axis, free, prior(free), iterations, tolerance, still=timing(axis, free))
 
 
 def judged(balance: Balance, fit: Fit) -> Fit:
@@ -37,10 +58,10 @@ def judged(balance: Balance, fit: Fit) -> Fit:
 
 
 def without(balance: Balance, fit: Fit, index: int) -> Fit:
-    """The joint fit without one effect."""
-    fewer = fit.axis.without_effect(fit.axis.effects[index])
-    free = balance.free(fewer)
-    return balance.fit(fewer, free, prior(free), iterations=5, tolerance=0.5)
+    """The joint fit without one effect; where that timed the torque, the alignment does what it can."""
+    item = fit.axis.effects[index]
+    retime = True if filters_torque(item) else None
+    return joined(balance, fit.axis.without_effect(item), iterations=5, tolerance=0.5, retime=retime)
 
 
 def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
@@ -52,6 +73,5 @@ def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
     ratios = [fit.axis.friction.values[name] / max(v, 1e-300) for name, v in believed.friction.values.items()]
     if all(1.0 / ASTRAY < ratio < ASTRAY or ratio == 0.0 for ratio in ratios):
         return fit.axis
-    free = balance.free(start)
-    again = balance.fit(start, free, prior(free), iterations=20)
+    again = joined(balance, start, iterations=20)
     return again.axis if again.squares < balance.squares(fit.axis) else fit.axis

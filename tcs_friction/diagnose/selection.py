@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -18,6 +18,7 @@ from tcs_friction.diagnose.candidates import (
     WINNING,
     Candidate,
     chance,
+    gained,
     implausible,
     impossible,
     refine,
@@ -33,7 +34,7 @@ from tcs_friction.diagnose.hypotheses import (
     starts,
     together,
 )
-from tcs_friction.diagnose.joint import judged, prior, recovered, settle, without
+from tcs_friction.diagnose.joint import joined, judged, recovered, settle, without
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -125,6 +126,7 @@ def select(
     retuned = settle(balance, axis)
     selection = Selection(retuned, retuned)
     fit = retuned
+    looks: dict[str, float] = {}
     for round_number in range(MOST):
         if progress is not None:
             progress(
@@ -137,7 +139,8 @@ def select(
         fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
         earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
         fit = searched_anew(balance, fit, range(believed, earlier))
-        selection.chosen = fit = prune(balance, fit, retuned)
+        looks |= {name_of(item): candidates[0].start.looks for item in candidates[0].items}
+        selection.chosen = fit = prune(balance, fit, retuned, looks)
         if hopeless is not None and len(fit.axis.effects) > believed + 1 and hopeless(selection):
             break
     return selection
@@ -170,8 +173,7 @@ def _placed_anew(balance: Balance, fit: Fit, index: int) -> Fit | None:
     if start is None or start.gain <= alone.squares - squares:
         return None
     anew = alone.axis.with_effect(start.instance)
-    free = balance.free(anew)
-    trial = balance.fit(anew, free, prior(free))
+    trial = joined(balance, anew, iterations=12)
     return settle(balance, trial.axis, rounds=1) if trial.squares < squares else None
 
 
@@ -205,8 +207,8 @@ def contest(
     """Let rivals compete for one effect's place; swap where one does better."""
     alone = judged(balance, without(balance, fit, index))
     spread = max(1.0, fit.squares / balance.effective_count)
-    gain = (alone.squares - balance.squares(fit.axis)) / spread
     item = fit.axis.effects[index]
+    gain = gained(balance, alone, judged(balance, fit), [item]) / spread
     refined = refine(balance, alone.axis, close_behind(rivals), alone, spread)
     fitted = {id(candidate.fit): candidate.gain for candidate in refined}
     candidates = [  # the effect in place had its own confirmation: gains are compared as fitted
@@ -235,8 +237,12 @@ def imperfection(balance: Balance, retuned: Fit, fit: Fit) -> float:
     return min(IMPERFECT * explained, IMPERFECT_AT_MOST * balance.effective_count)
 
 
-def prune(balance: Balance, fit: Fit, retuned: Fit) -> Fit:
-    """Drop effects beyond those of the retuned fit that no longer earn their place, or that cannot be beside the others."""
+def prune(balance: Balance, fit: Fit, retuned: Fit, looks: Mapping[str, float] | None = None) -> Fit:
+    """Drop effects beyond those of the retuned fit that no longer earn their place, or that cannot be beside the others.
+
+    `looks`: by an effect's name, among how many alternatives it was found.
+    """
+    looks = looks or {}
     believed = len(retuned.axis.effects)
     fewest = believed + 1  # a lone effect has just earned its place; what others leave behind has not
     while len(fit.axis.effects) > fewest:
@@ -245,8 +251,8 @@ def prune(balance: Balance, fit: Fit, retuned: Fit) -> Fit:
         fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         losses = []
         for index, alone in enumerate(fewer, believed):
-            count = sum(f.owner == index for f in fit.free)
-            limit = threshold(balance, [fit.axis.effects[index].term], count, 1.0)
+            count, item = sum(f.owner == index for f in fit.free), fit.axis.effects[index]
+            limit = threshold(balance, [item.term], count, looks.get(name_of(item), 1.0))
             loss = (alone.squares - fit.squares) / spread - max(limit, imperfection(balance, retuned, alone))
             losses.append(-math.inf if implausible(balance, fit.axis, fit, index) else loss)
         if min(losses) > 0.0:
