@@ -24,6 +24,7 @@ from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.write import write_recording
 
 DRAFT_SUBSTEPS = 10  # of the runs that only find an effect's size
+UNSTABLE = 20.0  # times Coulomb friction: torque that no stable run of these asks for
 SMOOTHING = (
     0.004  # s, of the torque whose rms is an effect's size: nothing above 40 Hz is seen as acceleration
 )
@@ -70,7 +71,8 @@ def draw_world(
     """A world with the named effects, or so many at random, each `size` times the noise floor's torque rms.
 
     `stretch` scales the recording's length; 1 is about 340 s. An effect that cannot have the size (it would
-    need an inertia ratio above a half, say) comes as near as it can; the truth says what became of it.
+    need an inertia ratio above a half, say) comes as near as it can; the truth says what became of it. Effects with which the
+    controller is unstable are drawn again.
     """
     chosen = tuple(effects) if not isinstance(effects, int) else draw_effects(rng, effects)
     environment = draw_environment(rng, stretch)
@@ -84,6 +86,8 @@ def draw_world(
     for name in chosen:
         physics = applied(physics, values[name])
     out = simulate(physics, environment, Encoder(), SUBSTEPS)
+    if np.abs(out[:, 2]).max() > UNSTABLE * physics.coulomb:
+        return draw_world(rng, effects, size, stretch)
     torque = effect_torque(physics, out)
     truth = Truth(
         chosen,

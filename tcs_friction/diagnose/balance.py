@@ -22,6 +22,7 @@ from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 
+STATED, UNSTATED = 0.25, 0.5  # periods of the recording, by which torque and position may be misaligned
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
@@ -171,13 +172,14 @@ class Balance:
     def free(self, axis: Axis) -> list[Free]:
         """The free numbers of a joint fit, the alignment of torque and position in the log among them.
 
-        A log is never aligned better than half its own period, which is no physics; an axis with a transport delay has its
-        alignment in that.
+        A log is not aligned better than half its own period, a quarter where somebody states the delay, which is no physics; an
+        axis with a transport delay has its alignment in that.
         """
         free = free_parameters(axis, 1.0)
         if any(item.term.id == "transport_delay" for item in axis.effects):
             return free
-        believed, leeway = self.believed_delay, 0.5 * self.data.period
+        believed = self.believed_delay
+        leeway = (STATED if believed > 0.0 else UNSTATED) * self.data.period
         bounds = (max(believed - leeway, 0.0), believed + leeway)
         return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
 
