@@ -24,7 +24,7 @@ from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.write import write_recording
 
 DRAFT_SUBSTEPS = 10  # of the runs that only find an effect's size
-UNSTABLE = 20.0  # times Coulomb friction: torque that no stable run of these asks for
+UNSTABLE = 10.0  # times the highest torque without effects, that no stable controller asks for
 SMOOTHING = (
     0.004  # s, of the torque whose rms is an effect's size: nothing above 40 Hz is seen as acceleration
 )
@@ -76,7 +76,7 @@ def draw_world(
     """
     chosen = tuple(effects) if not isinstance(effects, int) else draw_effects(rng, effects)
     environment = draw_environment(rng, stretch)
-    physics = draw_axis(rng)
+    physics = plain = draw_axis(rng)
     values: dict[str, dict[str, float]] = {}
     rms: dict[str, float] = {}
     for name in chosen:
@@ -86,7 +86,8 @@ def draw_world(
     for name in chosen:
         physics = applied(physics, values[name])
     out = simulate(physics, environment, Encoder(), SUBSTEPS)
-    if np.abs(out[:, 2]).max() > UNSTABLE * physics.coulomb:
+    without = simulate(plain, environment, Encoder(), DRAFT_SUBSTEPS)
+    if np.abs(out[:, 2]).max() > UNSTABLE * np.abs(without[:, 2]).max():
         return draw_world(rng, effects, size, stretch)
     torque = effect_torque(physics, out)
     truth = Truth(
