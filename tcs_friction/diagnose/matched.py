@@ -36,21 +36,35 @@ def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarr
     lowest, highest = _order_range(term, span, view, cycle)
     if highest <= lowest:
         return np.zeros(0), np.zeros(0), 1.0
+    looks = max((highest - lowest) * span / math.pi, 1.0)
     carrier = _carrier(background, term, {term.parameters[0].name: term.parameters[0].lower})
-    step = math.pi / highest / 2.0
-    count = int(span / step) + 1
+    bands = []
+    while highest > lowest:
+        seen = speed * highest * balance.data.dt < math.pi  # samples of a wave passed faster would pretend a slow one
+        bands.append(
+            _order_spectrum(balance, position, speed, np.where(seen, carrier, 0.0), y, (max(0.5 * highest, lowest), highest))
+        )
+        highest *= 0.5
+    grid, gain = (np.concatenate(x[::-1]) for x in zip(*bands, strict=True))
+    return grid, gain, looks
+
+
+def _order_spectrum(
+    balance: Balance, position: np.ndarray, speed: np.ndarray, carrier: np.ndarray, y: np.ndarray, band: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Orders of a band and the gain that each promises, from samples (n,): phase at order 1, its speed, carrier, score."""
+    step = math.pi / band[1] / 2.0
+    count = int(float(np.ptp(position)) / step) + 1
     index = np.minimum(((position - position.min()) / step).astype(np.int64), count - 1)
     binned = np.bincount(index, y * carrier, minlength=count)
     length = 1 << (4 * count - 1).bit_length()
     grid = 2.0 * math.pi * np.arange(length // 2) / (length * step)
     sums = np.abs(np.fft.rfft(binned, length)[: length // 2]) ** 2
-    chosen = (grid >= lowest) & (grid <= highest)
+    chosen = (grid >= band[0]) & (grid < band[1])
     grid, sums = grid[chosen], sums[chosen]
-    return (
-        grid,
-        2.0 * sums / _local_norm(balance, carrier, speed, grid),
-        max((highest - lowest) * span / math.pi, 1.0),
-    )
+    if not len(grid) or not carrier[balance.train].any():
+        return grid, np.zeros(len(grid))
+    return grid, 2.0 * sums / _local_norm(balance, carrier, speed, grid)
 
 
 def _order_range(term: Term, span: float, view: Survey, cycle: float) -> tuple[float, float]:

@@ -138,7 +138,7 @@ def select(
             break
         fit = settle(balance, recovered(balance, candidates[0].fit, axis), rounds=2)
         earlier = len(fit.axis.effects) - (len(candidates[0].items) == 1)
-        fit = searched_anew(balance, fit, range(believed, earlier))
+        fit = as_harmonics(balance, searched_anew(balance, fit, range(believed, earlier)), believed)
         looks |= {name_of(item): candidates[0].start.looks for item in candidates[0].items}
         selection.chosen = fit = prune(balance, fit, retuned, looks)
         if hopeless is not None and len(fit.axis.effects) > believed + 1 and hopeless(selection):
@@ -159,6 +159,25 @@ def searched_anew(balance: Balance, fit: Fit, indices: range) -> Fit:
             index += 1
         else:
             fit = better  # the effect is its last one now
+    return fit
+
+
+def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
+    """The fit in which a wave that was found at a multiple of another one's order is its harmonic, not an effect of its own."""
+    cycle = fit.axis.cycle
+    once = 2.0 * math.pi / (float(np.ptp(balance.data.joined("position"))) * cycle)  # order of one period over the travel
+    for one, other in itertools.permutations(fit.axis.effects[believed:], 2):
+        if one.term is not other.term or one.term.periodic != "position":
+            continue
+        ratio = other.values["order"] / one.values["order"]
+        name = f"_{round(ratio)}"
+        waves = [p.name for p in one.term.parameters if p.name.startswith("amplitude") and other.values[p.name] != 0.0]
+        free = one.values.get(f"amplitude{name}", 1.0) == 0.0 and waves == ["amplitude"]
+        if free and abs(ratio - round(ratio)) * one.values["order"] < once:
+            numbers = {f"{own}{name}": other.values[own] for own in ("amplitude", "phase")}
+            rest = fit.axis.without_effect(other)
+            items = tuple(item.replace(**numbers) if item is one else item for item in rest.effects)
+            return as_harmonics(balance, settle(balance, replace(rest, effects=items), rounds=1), believed)
     return fit
 
 

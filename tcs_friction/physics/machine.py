@@ -255,6 +255,7 @@ def true_instant(m: Machine, q: float, v: float, a: float, dt: float) -> tuple[f
 def true_motion(m: Machine, dt: float, motion: Any, out: Any) -> None:
     """Measured `motion` (3, n), position, velocity and acceleration, as it is without the sensor terms' errors."""
     for i in range(motion.shape[1]):
+        m.motion[TRAVEL] = motion[0, i] - motion[0, i - 1] if i > 0 else 0.0
         out[0, i], out[1, i], out[2, i] = true_instant(m, motion[0, i], motion[1, i], motion[2, i], dt)
 
 

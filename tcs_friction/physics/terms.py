@@ -68,6 +68,15 @@ def kernel(function: Kernel) -> Kernel:
     return compiled
 
 
+@njit(cache=True, error_model="numpy")
+def resolved(motion: Any, order: float) -> bool:
+    """Whether less than half a period of a wave over the position was passed since the previous instant.
+
+    A faster one averages out, and samples of it would pretend a slow one.
+    """
+    return bool(abs(order * motion[CYCLE] * motion[TRAVEL]) < math.pi)
+
+
 class Place(enum.Enum):
     """Where a term acts on the axis."""
 

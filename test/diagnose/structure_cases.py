@@ -42,11 +42,19 @@ def coloured(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def conditioned(
-    rng: np.random.Generator, torque: Torque | None = None, seconds: float = 300.0
+    rng: np.random.Generator,
+    torque: Torque | None = None,
+    seconds: float = 300.0,
+    speed: float | None = None,
 ) -> Conditioned:
-    """An axis that sweeps at several speeds, with noise and a concealed opposing torque; every fourth block held out."""
+    """An axis that sweeps at several speeds, with noise and a concealed opposing torque; every fourth block held out.
+
+    speed: rad/s, at which it goes to and fro instead, for 5 s each way, every third time at a fiftieth of it.
+    """
     t = np.arange(0.0, seconds, DT)
     velocity = 0.15 * np.sin(2 * np.pi * t / 83.0) + 0.06 * np.sin(2 * np.pi * t / 19.0) + 1e-9
+    if speed is not None:
+        velocity = np.where(t // 10.0 % 3.0 == 2.0, 0.02, 1.0) * speed * np.clip(10.0 * signal.sawtooth(2.0 * np.pi * t / 10.0, 0.5), -1.0, 1.0)
     position = np.cumsum(velocity) * DT
     acceleration = np.gradient(velocity, DT)
     model = axis()

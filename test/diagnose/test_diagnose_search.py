@@ -18,6 +18,7 @@ from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.hypotheses import starts
 from tcs_friction.diagnose.joint import settle
+from tcs_friction.diagnose.matched import spectrum
 from tcs_friction.diagnose.parts import Memory, Parts
 from tcs_friction.physics import machine
 from tcs_friction.physics.registry import effect, effects
@@ -147,6 +148,21 @@ def test_a_filter_of_the_drive_is_exact_between_samples(name: str) -> None:
     rotor, _ = Parts(data).rotor(axis().with_effect(item))
     inside = slice(500, -500)
     assert rotor[inside] == pytest.approx(expected[inside], abs=2e-3)
+
+
+def test_a_wave_is_found_at_its_order_and_not_at_one_that_samples_pretend() -> None:
+    """At one speed a wave passed by several periods a sample has the same samples."""
+    order, speed = 40.0, 0.15
+    data = conditioned(np.random.default_rng(5), lambda m: 2.0 * np.cos(order * m.q), speed=speed)
+    pretended = order + 2.0 * math.pi / (speed * DT)
+    balance, fit = settled(data)
+    background = Background(balance, fit.axis, fit.free)
+    grid, gain, _ = spectrum(background, effect("cogging"), survey(balance, fit.axis))
+    assert grid[np.argmax(gain)] == pytest.approx(order, abs=2.0)
+    assert grid[-1] > pretended
+    assert gain[abs(grid - pretended) < 10.0].max() < 0.1 * gain.max()
+    item = instance(effect("cogging"), {"order": pretended, "amplitude": 2.0, "phase": 0.0})
+    assert np.std(background.column(item)) < 0.2
 
 
 def test_noise_of_the_torque_is_no_load_dependence() -> None:

@@ -17,6 +17,7 @@ from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed,
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.selection import (
     _mimicked,
+    as_harmonics,
     close_behind,
     outstanding,
     prune,
@@ -147,6 +148,22 @@ def test_harmonics_belong_to_a_first_one() -> None:
     plain = {"order": 18.0, "amplitude": 1.0, "phase": 0.0}
     assert _leads(instance(cogging, plain | {"amplitude_2": 1.5}))
     assert not _leads(instance(cogging, plain | {"amplitude_4": 4.0}))
+
+
+def test_a_wave_at_twice_the_order_is_a_harmonic() -> None:
+    def waves(m: Motion) -> np.ndarray:
+        return 3.0 * np.cos(20.0 * m.q + 0.4) + 0.8 * np.cos(40.0 * m.q + 2.0)
+
+    balance, _ = settled(conditioned(np.random.default_rng(4), waves))
+    apart = axis()
+    for order, amplitude, phase in ((20.0, 3.0, 0.4), (40.0, 0.8, 2.0)):
+        numbers = {"order": order, "amplitude": amplitude, "phase": phase}
+        apart = apart.with_effect(instance(effect("cogging"), numbers))
+    fit = settle(balance, apart, rounds=1)
+    (one,) = as_harmonics(balance, fit, 0).axis.effects
+    assert (one.values["order"], one.values["amplitude_2"]) == pytest.approx((20.0, 0.8), rel=0.05)
+    assert one.values["phase_2"] == pytest.approx(2.0, abs=0.1)
+    assert as_harmonics(balance, fit, 1).axis == fit.axis, "what is believed stays as it is"
 
 
 @pytest.mark.parametrize(("torque", "found"), [(bump, ["local_friction_bump"]), (push_and_pull, [])])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel, resolved
 
 HARMONICS = 4
 
@@ -16,7 +16,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     opposing = 0.0
     for j in range(HARMONICS):
         amplitude = parameters[1 + 2 * j]
-        if amplitude != 0.0:
+        if amplitude != 0.0 and resolved(motion, (j + 1) * parameters[0]):
             opposing += amplitude * math.cos((j + 1) * angle + parameters[2 + 2 * j])
     return opposing
 

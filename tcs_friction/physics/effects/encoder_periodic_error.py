@@ -6,11 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel, resolved
 
 
 @kernel
 def error(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    if not resolved(motion, parameters[0]):
+        return 0.0
     return float(parameters[1] * math.sin(parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]))
 
 

@@ -5,11 +5,23 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tcs_friction.physics.terms import CYCLE, DRY_SCALE, POSITION, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import (
+    CYCLE,
+    DRY_SCALE,
+    POSITION,
+    Parameter,
+    Place,
+    Role,
+    Term,
+    kernel,
+    resolved,
+)
 
 
 @kernel
 def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    if not resolved(motion, parameters[0]):
+        return 0.0
     angle = parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]
     motion[DRY_SCALE] *= 1.0 + parameters[1] * math.cos(angle)
     return 0.0

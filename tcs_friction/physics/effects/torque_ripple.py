@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tcs_friction.physics.terms import CYCLE, POSITION, TORQUE, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import CYCLE, POSITION, TORQUE, Parameter, Place, Role, Term, kernel, resolved
 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    if not resolved(motion, parameters[0]):
+        return float(motion[TORQUE])
     angle = parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]
     return float(motion[TORQUE] * (1.0 + parameters[1] * math.cos(angle)))
 
