@@ -54,7 +54,8 @@ def conditioned(
     t = np.arange(0.0, seconds, DT)
     velocity = 0.15 * np.sin(2 * np.pi * t / 83.0) + 0.06 * np.sin(2 * np.pi * t / 19.0) + 1e-9
     if speed is not None:
-        velocity = np.where(t // 10.0 % 3.0 == 2.0, 0.02, 1.0) * speed * np.clip(10.0 * signal.sawtooth(2.0 * np.pi * t / 10.0, 0.5), -1.0, 1.0)
+        speeds = np.where(t // 10.0 % 3.0 == 2.0, 0.02 * speed, speed)
+        velocity = speeds * np.clip(10.0 * signal.sawtooth(2.0 * np.pi * t / 10.0, 0.5), -1.0, 1.0)
     position = np.cumsum(velocity) * DT
     acceleration = np.gradient(velocity, DT)
     model = axis()
