@@ -75,6 +75,11 @@ def rings(term: Term) -> bool:
     return term.place is Place.BODY and term.states != 0
 
 
+def collides(term: Term) -> bool:
+    """Whether an effect is a body that knocks: no collision comes at its exact time."""
+    return term.place is Place.BODY and term.jagged
+
+
 def chance(count: int, looks: float) -> float:
     """Gain (chi-squared) that `count` free numbers reach by chance, the best of `looks` alternatives of every effect."""
     return float(stats.chi2.isf(FALSE_ALARM / (looks * len(effects())), max(count, 1)))
@@ -152,7 +157,7 @@ def _shown(
     if any(feeds_on_noise(term) and not rings(term) for term in terms):
         before, after = (slow_part(balance, white) for white in both)
         yield float(before @ before - after @ after), needed
-    if any(term.jagged for term in terms):
+    if any(map(collides, terms)):
         blurred = blurs(balance, base.axis)
         before, after = (white - blurred @ (blurred.T @ white) for white in both)
         change = before - after  # its best multiple counts: the fit could not know the blurs

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
-from tcs_friction.diagnose.candidates import SAME, Candidate, chance
+from tcs_friction.diagnose.candidates import SAME, Candidate, chance, collides
 from tcs_friction.diagnose.limits import passes
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Role
@@ -76,7 +76,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
 
     There the plain residual must not grow, and what depends on the place not gain in a single piece: it comes back to its place.
     What is in one place only, and was passed once, must account for all that was there instead.
-    A jagged effect's best and worst piece do not count: one collision lost throws a whole piece out of step.
+    The best and worst piece of collisions do not count: one lost throws a whole piece out of step.
     """
     before: LeftOut | None = None
     if not candidates:
@@ -99,7 +99,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         elif placed and gain - float(gains.max()) < enough:
             gain = 0.0
         kept = np.argsort(gains)
-        if any(item.term.jagged for item in best.items):
+        if any(collides(item.term) for item in best.items):
             kept = kept[1:-1]
             gain = float(gains[kept].sum())
         if after.plain[kept].sum() > WORSE * before.plain[kept].sum():
@@ -125,10 +125,11 @@ def _passed_once(balance: Balance, item: Instance) -> bool:
 
 
 def _accounts(balance: Balance, base: Fit, candidate: Candidate) -> bool:
-    """Whether a local effect takes away nearly all that the base left around its place."""
+    """Whether a local effect takes away nearly all that the base left around its place, but the noise."""
     near = _near(balance, candidate.items[0], AROUND)
     before, after = (balance.whiten(balance.residual(fit.axis))[near] for fit in (base, candidate.fit))
-    return bool(after @ after < ONCE * (before @ before))
+    noise = len(after) * balance.effective_count / len(balance.rows)
+    return bool(after @ after - noise < ONCE * (before @ before))
 
 
 def simplest(balance: Balance, candidates: list[Candidate]) -> Candidate:

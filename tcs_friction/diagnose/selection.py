@@ -18,6 +18,7 @@ from tcs_friction.diagnose.candidates import (
     WINNING,
     Candidate,
     chance,
+    collides,
     gained,
     implausible,
     impossible,
@@ -69,11 +70,11 @@ class Selection:
 
 
 def _mimicked(fit: Fit) -> frozenset[str]:
-    """Linear filters, while a jagged effect is there: the collisions that it leaves untimed look like swings and delays.
+    """Linear filters, while there are collisions: what these leave untimed looks like swings and delays.
 
-    What is larger than the jagged effect came before it.
+    What is larger than they are came before them.
     """
-    if not any(item.term.jagged for item in fit.axis.effects):
+    if not any(collides(item.term) for item in fit.axis.effects):
         return frozenset()
     return frozenset(name for name, term in effects().items() if term.transfer is not None)
 
