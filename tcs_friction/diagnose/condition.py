@@ -31,6 +31,8 @@ WIDEST = 0.4  # of the sampling rate
 TAPS = 2.0  # periods of the cutoff on each side, of the filter that narrows torques
 RINGING = 2.0  # s of zeros after a series, in which a filter may ring out
 CLEAR = 5.0  # power over that of the position's noise that counts as a signal
+HIGHEST = 0.2  # of the sampling rate, cutoff
+SPACING = 0.95  # quantile of the time between samples, within which a line through them must do
 HELD_OUT = 0.25  # share of the data
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 BLOCKS = 16  # at most, that a lone recording is cut into to hold some out
@@ -148,7 +150,7 @@ def choose_cutoff(position: np.ndarray, dt: float) -> tuple[float, float]:
     clear = np.nonzero(above & (share > 0.8))[0]
     cutoff = 1.4 * frequency[clear[-1]] if len(clear) else frequency[0]
     lowest = max(4.0 * frequency[0], 1.0)
-    return float(np.clip(cutoff, lowest, 0.2 / dt)), math.sqrt(floor * 0.5 / dt)
+    return float(np.clip(cutoff, lowest, HIGHEST / dt)), math.sqrt(floor * 0.5 / dt)
 
 
 def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditioned:
@@ -179,7 +181,8 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     dt = float(np.median(periods))
     uniform = [_uniform(r, s, dt) for r, s in long]
     chosen = [choose_cutoff(position, dt) for _, position, _, _ in uniform]
-    cutoff = float(np.median([c for c, _ in chosen]))
+    spacing = max(float(np.quantile(np.diff(r.t[s]), SPACING)) for r, s in long)
+    cutoff = min(float(np.median([c for c, _ in chosen])), HIGHEST / (dt * max(round(spacing / dt), 1)))
     noise = float(np.median([n for _, n in chosen]))
     step = max(1, int(1.0 / (STEPS_PER_PERIOD * cutoff * dt)))
     stride = max(1, int(1.0 / (SAMPLES_PER_PERIOD * cutoff * dt * step)))

@@ -45,6 +45,7 @@ IMPERFECT, IMPERFECT_AT_MOST = 1e-3, 0.02  # of the power that others explain, o
 TRIED = 5  # candidates a round that are fitted jointly
 BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, too
 RIVALS = 6  # that compete for a chosen effect's place
+MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is no wave of its own
 MOST = 6  # effects
 Progress = Callable[[float, str], None]
 
@@ -164,7 +165,10 @@ def searched_anew(balance: Balance, fit: Fit, indices: range) -> Fit:
 
 
 def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
-    """The fit in which a wave that was found at a multiple of another one's order is its harmonic, not an effect of its own."""
+    """The fit in which a small wave at a multiple of another one's order is its harmonic, and none is there twice.
+
+    Only where that explains as much.
+    """
     cycle = fit.axis.cycle
     once = 2.0 * math.pi / (float(np.ptp(balance.data.joined("position"))) * cycle)  # order of one period over the travel
     for one, other in itertools.permutations(fit.axis.effects[believed:], 2):
@@ -172,13 +176,22 @@ def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
             continue
         ratio = other.values["order"] / one.values["order"]
         name = f"_{round(ratio)}"
+        if abs(ratio - round(ratio)) * one.values["order"] > once or f"amplitude{name}" not in one.values:
+            continue
         waves = [p.name for p in one.term.parameters if p.name.startswith("amplitude") and other.values[p.name] != 0.0]
-        free = one.values.get(f"amplitude{name}", 1.0) == 0.0 and waves == ["amplitude"]
-        if free and abs(ratio - round(ratio)) * one.values["order"] < once:
-            numbers = {f"{own}{name}": other.values[own] for own in ("amplitude", "phase")}
+        minor = waves == ["amplitude"] and other.values["amplitude"] < MINOR * one.values["amplitude"]
+        if one.values[f"amplitude{name}"] != 0.0:  # the wave is there twice
+            rest, numbers = fit.axis, {f"amplitude{name}": 0.0, f"phase{name}": 0.0}
+        elif minor:
             rest = fit.axis.without_effect(other)
-            items = tuple(item.replace(**numbers) if item is one else item for item in rest.effects)
-            return as_harmonics(balance, settle(balance, replace(rest, effects=items), rounds=1), believed)
+            numbers = {f"{own}{name}": other.values[own] for own in ("amplitude", "phase")}
+        else:
+            continue
+        items = tuple(item.replace(**numbers) if item is one else item for item in rest.effects)
+        trial = settle(balance, replace(rest, effects=items), rounds=1)
+        if trial.squares < balance.squares(fit.axis) + SAME * balance.misfit(trial.axis):
+            return as_harmonics(balance, trial, believed)
+        balance.weigh(fit.axis)
     return fit
 
 
