@@ -24,7 +24,7 @@ def settle(balance: Balance, axis: Axis, rounds: int = 3) -> Fit:
     fit = None
     for i in range(rounds):
         iterations = 20 if i == 0 else 8
-        fit = joined(balance, timed(balance, axis, iterations), iterations, retime=False)
+        fit = untimed(balance, timed(balance, axis, iterations), iterations)
         axis = fit.axis
         balance.weigh(axis)
     assert fit is not None
@@ -41,15 +41,17 @@ def timed(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0)
     return balance.fit(axis, some, prior(some), iterations, tolerance, calm=True).axis
 
 
-def joined(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0, retime: bool | None = None) -> Fit:
-    """Joint fit of everything under the present weights, but what times the torque, held after a calm fit of its own.
-
-    retime: whether that is made; None: where the axis has a filter of the torque.
-    """
-    if retime or (retime is None and any(map(filters_torque, axis.effects))):
-        axis = timed(balance, axis, iterations, tolerance)
+def untimed(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0) -> Fit:
+    """Joint fit, under the present weights, of everything but what times the torque."""
     free = balance.free(axis)
     return balance.fit(axis, free, prior(free), iterations, tolerance, still=timing(axis, free))
+
+
+def joined(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0) -> Fit:
+    """Joint fit under the present weights; an axis with a filter of the torque is timed first."""
+    if any(map(filters_torque, axis.effects)):
+        axis = timed(balance, axis, iterations, tolerance)
+    return untimed(balance, axis, iterations, tolerance)
 
 
 def judged(balance: Balance, fit: Fit) -> Fit:
@@ -57,11 +59,13 @@ def judged(balance: Balance, fit: Fit) -> Fit:
     return replace(fit, squares=balance.squares(fit.axis))
 
 
-def without(balance: Balance, fit: Fit, index: int) -> Fit:
+def without(balance: Balance, fit: Fit, index: int, iterations: int = 5, tolerance: float = 0.5) -> Fit:
     """The joint fit without one effect; where that timed the torque, the alignment does what it can."""
     item = fit.axis.effects[index]
-    retime = True if filters_torque(item) else None
-    return joined(balance, fit.axis.without_effect(item), iterations=5, tolerance=0.5, retime=retime)
+    fewer = fit.axis.without_effect(item)
+    if filters_torque(item):
+        fewer = timed(balance, fewer, iterations, tolerance)
+    return joined(balance, fewer, iterations, tolerance)
 
 
 def recovered(balance: Balance, fit: Fit, believed: Axis) -> Axis:
