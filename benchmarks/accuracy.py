@@ -24,6 +24,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from benchmarks import law_axes
 from benchmarks.law_axes import ENCODER
+from tcs_friction.commands.parser import positive
 from tcs_friction.config import default_control
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import Reference, Sinusoid
@@ -45,8 +46,8 @@ RESAMPLINGS = 400
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--axes", type=int, default=20, help="axes drawn at random")
-    parser.add_argument("--recordings", type=int, default=3, help="of each axis, with noise of its own")
+    parser.add_argument("--axes", type=positive, default=20, help="axes drawn at random")
+    parser.add_argument("--recordings", type=positive, default=3, help="of each axis, with noise of its own")
     parser.add_argument("--law", default="lugre", choices=sorted(laws()), help="friction law (default lugre)")
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import math
 import multiprocessing
-import os
 import sys
 import time
 from collections import Counter
@@ -26,10 +25,13 @@ from benchmarks.concealed_baselines import baselines
 from benchmarks.concealed_effects import EFFECTS, OUTSIDE
 from benchmarks.concealed_oracle import detection_limit
 from benchmarks.worlds import World, draw_world
+from tcs_friction.commands.parser import positive
+from tcs_friction.diagnose.side_by_side import cores
 from tcs_friction.diagnose.verdict import diagnose
 
 SMALLEST, LARGEST = 1.0, 8.0  # sizes of concealed effects, torque rms over that of the noise floor
 NATURAL = ("presliding",)  # effects that come as large as they are
+LIMITED = [name for name in EFFECTS if name not in (*OUTSIDE, *NATURAL)]  # that have a detection limit
 TOOL = "diagnose"
 
 
@@ -62,27 +64,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this benchmark."""
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default 0)")
     parser.add_argument(
-        "--worlds", type=int, default=1, help="worlds per effect; pairs and others in proportion"
+        "--worlds", type=positive, default=1, help="worlds per effect; pairs and others in proportion"
     )
     parser.add_argument(
         "--stretch", type=float, default=1.0, help="length of the recordings; 1 is about 340 s"
     )
     parser.add_argument(
-        "--limits", nargs="*", metavar="EFFECT", help="detection limits, of all effects or these"
+        "--limits",
+        nargs="*",
+        metavar="EFFECT",
+        choices=LIMITED,
+        help="detection limits, of all effects or these",
     )
     parser.add_argument(
         "--only", choices=["none", "one", "two", "three", "outside"], help="one kind of world"
     )
-    parser.add_argument("--count", type=int, help="only so many of the worlds, drawn at random from them")
-    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="processes")
+    parser.add_argument("--count", type=positive, help="only so many of the worlds, drawn at random from them")
+    parser.add_argument("--jobs", type=positive, default=cores(), help="processes")
 
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """All worlds, then the limits where asked for."""
     with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool:
         if arguments.limits is not None and arguments.only is None:
-            names = arguments.limits or [n for n in EFFECTS if n not in (*OUTSIDE, *NATURAL)]
-            tasks = [(name, arguments.seed, arguments.stretch) for name in names]
+            tasks = [(name, arguments.seed, arguments.stretch) for name in arguments.limits or LIMITED]
             return limit_rows(list(_watched(pool.map(limits_of, tasks), len(tasks))))
         cases = draw_cases(arguments.seed, arguments.worlds, arguments.stretch, arguments.only)
         if arguments.count is not None and arguments.count < len(cases):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import crossings
+from tcs_friction.commands.parser import positive
 from tcs_friction.errors import JobError
 from tcs_friction.identify.cost import Points, ShapeCost, thinned
 from tcs_friction.identify.start import believed_start
@@ -23,8 +24,8 @@ REPETITIONS = 20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--population", type=int, default=POPULATION, help="candidates")
-    parser.add_argument("--points", type=int, default=crossings.POINTS, help="points each way")
+    parser.add_argument("--population", type=positive, default=POPULATION, help="candidates")
+    parser.add_argument("--points", type=positive, default=crossings.POINTS, help="points each way")
 
 
 def numpy_costs(points: Points, population: np.ndarray) -> np.ndarray:

@@ -18,6 +18,8 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
+from tcs_friction.commands.parser import positive
+
 LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
 KINDS = ("graph", "typed", "serialised")
 WARM_UP = 500  # ticks
@@ -25,8 +27,8 @@ WARM_UP = 500  # ticks
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The benchmark's own options."""
-    parser.add_argument("--ticks", type=int, default=20_000, help="of each run in one process (default %(default)s)")
-    parser.add_argument("--repeat", type=int, default=3, help="runs of each kind (default %(default)s)")
+    parser.add_argument("--ticks", type=positive, default=20_000, help="of each run in one process (default %(default)s)")
+    parser.add_argument("--repeat", type=positive, default=3, help="runs of each kind (default %(default)s)")
 
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:

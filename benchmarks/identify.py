@@ -26,6 +26,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks import crossings
+from tcs_friction.commands.parser import positive
 from tcs_friction.errors import InputError
 from tcs_friction.identify.cost import LuGreCost, ShapeCost
 from tcs_friction.identify.identification import QUICK, identify
@@ -75,9 +76,9 @@ Optimiser = Callable[[Counted, int], object]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--budget", type=int, default=30_000, help="evaluations at most")
-    parser.add_argument("--axes", type=int, default=5, help="that PSO-GA and PSO are compared on")
+    parser.add_argument("--seeds", type=positive, default=20)
+    parser.add_argument("--budget", type=positive, default=30_000, help="evaluations at most")
+    parser.add_argument("--axes", type=positive, default=5, help="that PSO-GA and PSO are compared on")
     parser.add_argument("--only", nargs="*", help="names of optimisers to run, alone")
 
 

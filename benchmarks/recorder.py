@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from tcs_friction.commands.parser import positive
 from tcs_friction.errors import JobError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -29,7 +30,7 @@ RECORDER = "import sys; from tcs_friction.nodes.recorder import main; sys.exit(m
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this benchmark."""
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--topics", type=int, default=5)
+    parser.add_argument("--topics", type=positive, default=5)
     parser.add_argument("--rate", type=float, default=1000.0, help="messages per second and topic")
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import os
 import sys
 from collections.abc import Sequence
 
+from tcs_friction.commands.parser import parser_of
 from tcs_friction.errors import InputError, TcsError, nearest
 
 COMMANDS = {
@@ -23,14 +23,6 @@ COMMANDS = {
     "bag": "look into bags, export and import them",
     "bench": "run a benchmark",
 }
-
-
-class _Parser(argparse.ArgumentParser):
-    """argparse in this project's voice: one line."""
-
-    def error(self, message: str) -> None:  # type: ignore[override]
-        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
-        sys.exit(2)
 
 
 def one_thread_each() -> None:
@@ -82,12 +74,7 @@ def _command(words: list[str]) -> int:
 
 def _run(name: str, words: list[str]) -> int:
     module = importlib.import_module(f"tcs_friction.commands.{name}")
-    parser = _Parser(
-        prog=f"tcs-friction {name}",
-        description=module.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    module.add_arguments(parser)
+    parser = parser_of(name, module)
     if "--ros-args" in words and getattr(module, "TAKES_ROS_ARGUMENTS", False):
         cut = words.index("--ros-args")
         arguments = parser.parse_args(words[:cut])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import os
 import platform
 import sys
 from collections.abc import Mapping, Sequence
@@ -13,6 +12,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from tcs_friction.commands.parser import parser_of
+from tcs_friction.diagnose.side_by_side import cores
 from tcs_friction.errors import InputError, nearest
 
 
@@ -52,13 +53,8 @@ def available() -> dict[str, str]:
 
 
 def _options(name: str, module: ModuleType, words: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog=f"tcs-friction bench {name}",
-        description=module.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of(f"bench {name}", module)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    module.add_arguments(parser)
     return parser.parse_args(words)
 
 
@@ -66,7 +62,7 @@ def machine() -> dict[str, Any]:
     """What the numbers were measured on."""
     return {
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": cores(),
         "system": platform.platform(terse=True),
         "python": platform.python_version(),
     }

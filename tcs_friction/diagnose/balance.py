@@ -20,7 +20,7 @@ from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Parameter, Place, Role
+from tcs_friction.physics.terms import Instance, Parameter, Role
 
 STATED, UNSTATED = 0.25, 0.5  # periods of the recording, by which torque and position may be misaligned
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
@@ -461,12 +461,7 @@ class Balance:
 
 def timing(axis: Axis, free: Sequence[Free]) -> np.ndarray:
     """Which free numbers (k,) say how much later the torque acts: alignment of the log, filters of the drive."""
-    return np.array([f.owner == -3 or (f.owner >= 0 and filters_torque(axis.effects[f.owner])) for f in free], bool)
-
-
-def filters_torque(item: Instance) -> bool:
-    """Whether an effect is a linear filter between the logged torque and the rotor."""
-    return item.term.place is Place.DRIVE and item.term.transfer is not None
+    return np.array([f.owner == -3 or (f.owner >= 0 and axis.effects[f.owner].term.filters) for f in free], bool)
 
 
 def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
@@ -481,7 +476,7 @@ def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
 
 def swinging(axis: Axis) -> list[Instance]:
     """Effects that are bodies with a linear response."""
-    return [x for x in axis.effects if x.term.place is Place.BODY and x.term.transfer is not None]
+    return [item for item in axis.effects if item.term.swings]
 
 
 def rms(x: np.ndarray) -> float:

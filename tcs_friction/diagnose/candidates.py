@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage, stats
 
 from tcs_friction.diagnose.background import Background, survey
-from tcs_friction.diagnose.balance import Balance, Fit, filters_torque, motion_gain, rms
+from tcs_friction.diagnose.balance import Balance, Fit, motion_gain, rms
 from tcs_friction.diagnose.hypotheses import (
     Start,
     follows_load,
@@ -73,11 +73,6 @@ def feeds_on_noise(term: Term) -> bool:
 def rings(term: Term) -> bool:
     """Whether an effect is a body that swings or collides: what it explains is fast, as the noise is."""
     return term.place is Place.BODY and term.states != 0
-
-
-def collides(term: Term) -> bool:
-    """Whether an effect is a body that knocks: no collision comes at its exact time."""
-    return term.place is Place.BODY and term.jagged
 
 
 def chance(count: int, looks: float) -> float:
@@ -157,13 +152,13 @@ def _shown(
     if any(feeds_on_noise(term) and not rings(term) for term in terms):
         before, after = (slow_part(balance, white) for white in both)
         yield float(before @ before - after @ after), needed
-    if any(map(collides, terms)):
+    if any(term.collides for term in terms):
         blurred = blurs(balance, base.axis)
         before, after = (white - blurred @ (blurred.T @ white) for white in both)
         change = before - after  # its best multiple counts: the fit could not know the blurs
         beyond = max(float(change @ before), 0.0) ** 2 / max(float(change @ change), 1e-300)
         yield beyond, needed + BEYOND * balance.effective_count
-    if any(rings(term) and term.transfer is not None for term in terms):
+    if any(term.swings for term in terms):
         yield _calm_gain(balance, base, fit), needed
     for item in items:
         if follows_load(item.term):
@@ -177,7 +172,7 @@ def gained(balance: Balance, base: Fit, fit: Fit, items: Sequence[Instance]) -> 
 
     The controller answers the encoder's noise, so where most noise is the encoder's, a filter of the torque seems to explain it.
     """
-    if not any(map(filters_torque, items)):
+    if not any(item.term.filters for item in items):
         return base.squares - fit.squares
     before, after = (balance.residual(x.axis) for x in (base, fit))
     return _drop(balance, before, after, lambda frequency: balance.noise_share(frequency) < MOSTLY)
@@ -207,7 +202,7 @@ def _drop(
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
     """The axis with one more effect; a filter of the torque starts from the believed alignment, a delay takes over the rest."""
-    if not filters_torque(item):
+    if not item.term.filters:
         return axis.with_effect(item)
     aligned = replace(axis, actuation_delay=balance.believed_delay)
     if item.term.id == "transport_delay":

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcs_friction.diagnose.balance import Balance, Fit, Free, at_bound
-from tcs_friction.diagnose.candidates import SAME, Candidate, chance, collides
+from tcs_friction.diagnose.candidates import SAME, Candidate, chance
 from tcs_friction.diagnose.limits import passes
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Role
@@ -99,7 +99,7 @@ def confirmed(balance: Balance, fit: Fit, candidates: list[Candidate], spread: f
         elif placed and gain - float(gains.max()) < enough:
             gain = 0.0
         kept = np.argsort(gains)
-        if any(collides(item.term) for item in best.items):
+        if any(item.term.collides for item in best.items):
             kept = kept[1:-1]
             gain = float(gains[kept].sum())
         if after.plain[kept].sum() > WORSE * before.plain[kept].sum():

@@ -208,8 +208,7 @@ def _judge_directly(
     background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
 ) -> Start | None:
     item = instance(term, values, signal=signal_name)
-    body = term.place is Place.BODY and term.transfer is not None
-    column = background.swung(item) if body else background.column(item)
+    column = background.swung(item) if term.swings else background.column(item)
     changed = background.project(background.balance.whiten(background.residual + column))
     gain = background.squares - float(changed @ changed)
     return Start((item,), gain, len(values), looks, np.empty((len(changed), 0)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance, Fit, Free, filters_torque, timing
+from tcs_friction.diagnose.balance import Balance, Fit, Free, timing
 from tcs_friction.physics.axis import Axis
 
 ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin
@@ -49,7 +49,7 @@ def untimed(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.
 
 def joined(balance: Balance, axis: Axis, iterations: int, tolerance: float = 1.0) -> Fit:
     """Joint fit under the present weights; an axis with a filter of the torque is timed first."""
-    if any(map(filters_torque, axis.effects)):
+    if any(item.term.filters for item in axis.effects):
         axis = timed(balance, axis, iterations, tolerance)
     return untimed(balance, axis, iterations, tolerance)
 
@@ -63,7 +63,7 @@ def without(balance: Balance, fit: Fit, index: int, iterations: int = 5, toleran
     """The joint fit without one effect; where that timed the torque, the alignment does what it can."""
     item = fit.axis.effects[index]
     fewer = fit.axis.without_effect(item)
-    if filters_torque(item):
+    if item.term.filters:
         fewer = timed(balance, fewer, iterations, tolerance)
     return joined(balance, fewer, iterations, tolerance)
 

@@ -99,24 +99,32 @@ class Parts:
         drive, stretches = _at(axis, Place.DRIVE), self.data.stretches
 
         def walk() -> tuple[np.ndarray, ...]:
-            motions = self._motion(axis, remember)[1:]
-            every = [self._driven(axis, drive, s, motion) for s, motion in zip(stretches, motions, strict=True)]
+            every = [s.torque for s in stretches]
+            for item in drive:
+                if item.term.filters:  # by its response: steps would bend it
+                    response = partial(_response, item)
+                    every = [x + through(x - x[0], self.step, response) for x in every]
+                else:
+                    every = self._driven(axis, item, every, remember)
             rotor = np.concatenate([self.data.narrowed(x) for x in every])
             return rotor, np.sqrt(np.mean(rotor[self.train] ** 2, keepdims=True)), *every
 
-        return self.memory.get(("drive", _key(drive), _key(_at(axis, Place.SENSOR))), walk, remember)
+        moving = not all(item.term.filters for item in drive)
+        return self.memory.get(
+            ("drive", _key(drive), _key(_at(axis, Place.SENSOR)) if moving else None), walk, remember
+        )
 
-    def _driven(self, axis: Axis, drive: Sequence[Instance], s: Stretch, motion: np.ndarray) -> np.ndarray:
-        """Torque (n,) of a stretch after the drive's terms; linear filters by their responses, which steps would bend."""
-        torque = s.torque
-        for item in drive:
-            if item.term.transfer is None:
-                logged, torque = torque, np.empty(len(torque))
-                built = self._built(axis, [item], motion)
-                machine.evaluate_drive(built, s.t, motion, logged, s.signals, torque)
-            else:
-                torque = torque + through(torque - torque[0], self.step, partial(_response, item))
-        return torque
+    def _driven(
+        self, axis: Axis, item: Instance, torques: Sequence[np.ndarray], remember: bool
+    ) -> list[np.ndarray]:
+        """Torques of all stretches after a term of the drive that follows the motion."""
+        driven = []
+        stretches = zip(self.data.stretches, self._motion(axis, remember)[1:], torques, strict=True)
+        for s, motion, logged in stretches:
+            torque = np.empty(len(logged))
+            machine.evaluate_drive(self._built(axis, [item], motion), s.t, motion, logged, s.signals, torque)
+            driven.append(torque)
+        return driven
 
     def acceleration(self, axis: Axis) -> np.ndarray:
         """True acceleration (n,), rad/s^2, narrowed as torques are."""

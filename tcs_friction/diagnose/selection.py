@@ -18,7 +18,6 @@ from tcs_friction.diagnose.candidates import (
     WINNING,
     Candidate,
     chance,
-    collides,
     gained,
     implausible,
     impossible,
@@ -75,7 +74,7 @@ def _mimicked(fit: Fit) -> frozenset[str]:
 
     What is larger than they are came before them.
     """
-    if not any(collides(item.term) for item in fit.axis.effects):
+    if not any(item.term.collides for item in fit.axis.effects):
         return frozenset()
     return frozenset(name for name, term in effects().items() if term.transfer is not None)
 

@@ -17,6 +17,13 @@ MOST = 4  # threads: each holds arrays as long as the recordings
 _here = threading.local()
 
 
+def cores() -> int:
+    """How many this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # not on every system
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def side_by_side(function: Callable[[In], Out], items: Iterable[In]) -> list[Out]:
     """`[function(item) for item in items]` on up to MOST cores.
 
@@ -25,7 +32,7 @@ def side_by_side(function: Callable[[In], Out], items: Iterable[In]) -> list[Out
     items = list(items)
     if hasattr(_here, "pool"):
         return _shared(_here.pool, function, items, takes_part=True)
-    workers = min(len(os.sched_getaffinity(0)), MOST)
+    workers = min(cores(), MOST)
     if workers < 2 or len(items) < 2:
         return [function(item) for item in items]
     pool: ThreadPoolExecutor

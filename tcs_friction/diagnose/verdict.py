@@ -12,7 +12,7 @@ import numpy as np
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.balance import Balance, Fit, rms
-from tcs_friction.diagnose.candidates import chance, collides
+from tcs_friction.diagnose.candidates import chance
 from tcs_friction.diagnose.condition import Conditioned, condition
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
 from tcs_friction.diagnose.experiment import next_experiment
@@ -226,7 +226,7 @@ class _Judge:
         Collisions are real though none comes at its exact time: what is left may be as large as they are.
         """
         explained = errors["retuned"].train ** 2 - errors["improved"].train ** 2
-        allowed = max([REST * explained, *(f.torque_rms**2 for f in found if collides(f.instance.term))])
+        allowed = max([REST * explained, *(f.torque_rms**2 for f in found if f.instance.term.collides)])
         if unexplained.present and (not found or unexplained.torque_rms**2 > allowed):
             return "unexplained"
         if found:

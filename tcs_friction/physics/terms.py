@@ -236,6 +236,21 @@ class Term:
     rotary: bool = False
     jagged: bool = False
 
+    @property
+    def filters(self) -> bool:
+        """Whether it is a linear filter between the logged torque and the rotor."""
+        return self.place is Place.DRIVE and self.transfer is not None
+
+    @property
+    def swings(self) -> bool:
+        """Whether it is a body with a linear response."""
+        return self.place is Place.BODY and self.transfer is not None
+
+    @property
+    def collides(self) -> bool:
+        """Whether it is a body that knocks: no collision comes at its exact time."""
+        return self.place is Place.BODY and self.jagged
+
     def parameter(self, name: str) -> Parameter:
         """The declared parameter of that name."""
         return next(p for p in self.parameters if p.name == name)

@@ -67,6 +67,26 @@ def test_unknown_benchmark_names_the_nearest(capsys: pytest.CaptureFixture[str])
     assert "simulate" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["concealed", "--limits", "coggin"], "'coggin'"),
+        (["concealed", "--only", "six"], "'six'"),
+        (["concealed", "--jobs", "0"], "'0' is no whole number from 1 on"),
+        (["cost", "--points", "many"], "'many' is no whole number from 1 on"),
+    ],
+)
+def test_wrong_options_of_a_benchmark_are_one_line(
+    words: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", *words])
+    error = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert error.count("\n") == 1
+    assert named in error
+
+
 def test_every_benchmark_of_the_checkout_has_the_two_functions() -> None:
     import benchmarks
 

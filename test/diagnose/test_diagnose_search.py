@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import threading
 from dataclasses import replace
 
@@ -33,7 +32,7 @@ VALUES = {
 
 
 def test_a_map_keeps_its_order_and_runs_on_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(side_by_side, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=10.0)
 
     def work(x: int) -> int:
@@ -44,7 +43,7 @@ def test_a_map_keeps_its_order_and_runs_on_several_threads(monkeypatch: pytest.M
 
 
 def test_a_thread_without_work_helps_in_a_map_within_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(side_by_side, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=10.0)
 
     def inner(x: int) -> int:
@@ -163,6 +162,17 @@ def test_a_wave_is_found_at_its_order_and_not_at_one_that_samples_pretend() -> N
     assert gain[abs(grid - pretended) < 10.0].max() < 0.1 * gain.max()
     item = instance(effect("cogging"), {"order": pretended, "amplitude": 2.0, "phase": 0.0})
     assert np.std(background.column(item)[np.abs(data.joined("velocity")) == speed]) < 0.1
+
+
+def test_an_encoder_error_too_fast_for_the_samples_is_none() -> None:
+    step, speed = 1e-3, 0.15
+    q = speed * np.arange(0.0, 2.0, step)
+    measured = np.stack([q, np.full(len(q), speed), np.zeros(len(q))])
+    for order, error in ((40.0, 1e-3), (40.0 + 2.0 * math.pi / (speed * step), 0.0)):
+        item = instance(effect("encoder_periodic_error"), {"order": order, "amplitude": 1e-3, "phase": 0.0})
+        true = np.empty_like(measured)
+        machine.true_motion(machine.build(axis(), step, terms=[item]), step, measured, true)
+        assert np.ptp((true - measured)[0, 10:]) == pytest.approx(2.0 * error, rel=0.01, abs=1e-9)
 
 
 def test_noise_of_the_torque_is_no_load_dependence() -> None:

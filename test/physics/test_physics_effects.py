@@ -67,6 +67,24 @@ def test_formula_of_position_velocity_and_time(name: str, q: float, v: float, t:
     assert called(plain(name), vector) == pytest.approx(OPPOSING[name](vector), rel=1e-9, abs=1e-12)
 
 
+PERIODIC = sorted(name for name, term in effects().items() if term.periodic == "position")
+
+
+@pytest.mark.parametrize("name", PERIODIC)
+def test_a_wave_is_silent_where_half_of_it_passes_in_a_step(name: str) -> None:
+    item = plain(name)
+    half = math.pi / item.values["order"]
+    silent = (50.0 if item.term.place is Place.DRIVE else 0.0, 1.0)
+
+    def shown(travel: float) -> tuple[float, float]:
+        vector = motion(position=0.01, velocity=0.2, torque=50.0, travel=travel)
+        result = called(item, vector)
+        return result, vector[terms.DRY_SCALE]
+
+    assert shown(-0.4 * half) == shown(0.4 * half) == shown(0.0) != silent
+    assert shown(-1.01 * half) == shown(1.01 * half) == silent
+
+
 @given(st.floats(-30.0, 30.0))
 def test_recorded_signals(s: float) -> None:
     assert called(plain("exogenous"), motion(other=s)) == pytest.approx(5.0 * s + 3.0 * s * abs(s))

@@ -1,0 +1,33 @@
+"""Reading of command lines: what is wrong with one is said in one line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from types import ModuleType
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse in this project's voice: one line."""
+
+    def error(self, message: str) -> None:  # type: ignore[override]
+        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
+        sys.exit(2)
+
+
+def parser_of(name: str, module: ModuleType) -> argparse.ArgumentParser:
+    """The parser of a command or benchmark of that name: its module's docstring and `add_arguments(parser)`."""
+    parser = _Parser(
+        prog=f"tcs-friction {name}",
+        description=module.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    module.add_arguments(parser)
+    return parser
+
+
+def positive(word: str) -> int:
+    """A whole number from 1 on, as the `type` of an argument."""
+    if not word.isdecimal() or int(word) < 1:
+        raise argparse.ArgumentTypeError(f"{word!r} is no whole number from 1 on")
+    return int(word)
