@@ -9,6 +9,7 @@ shows in the other curves, not in their statistics.
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,8 @@ import numpy as np
 from scipy import ndimage, stats
 
 from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.coarse import Coarse, Regression, regress, slow_excess
+from tcs_friction.diagnose.coarse import LEEWAY, Coarse, Regression, regress
+from tcs_friction.diagnose.coordinates import unit_of, values_of
 from tcs_friction.physics.axis import Axis
 
 BINS = 32  # of a coordinate at most
@@ -25,6 +27,9 @@ WIDE = 4  # fluctuations on either side of an edge that are searched for a quiet
 FLUCTUATION_SECONDS = 2.0  # faster changes of a speed or torque count as fluctuations
 CLEAR = 4.0  # standard errors by which a bin must differ to belong to the range
 SURE = 1e-3  # p-value below which a range or period is named
+BANDS = 200  # of the spectrum
+MOST = 0.9  # of the power in excess of the noise, that the range of frequencies holds
+LINE = 5.0  # resolutions, that a line is narrower than with one on either side
 MOST_ORDERS = 2000  # independent ones in the travel that a spectrum looks at
 
 
@@ -55,26 +60,14 @@ def atlas(balance: Balance, axis: Axis, fit_residual: np.ndarray) -> tuple[Atlas
     coarse = Coarse(balance, fit_residual)
     if len(coarse.rows) < 2 * FEWEST:
         return ()
-    angle = "rad" if axis.kind == "rotary" else "m"
-    effort = "N m" if axis.kind == "rotary" else "N"
     data = balance.data
-    coordinates = {
-        "time": ("s", data.joined("t")),
-        "position": (angle, data.joined("position")),
-        "velocity": (f"{angle}/s", data.joined("velocity")),
-        "direction": ("", _direction(balance)),
-        "acceleration": (f"{angle}/s^2", data.joined("acceleration")),
-        "torque": (effort, data.joined("torque")),
-        "time_since_reversal": ("s", time_since_reversal(balance)),
-    }
-    signals = data.joined("signals")
-    if data.temperature:
-        coordinates["temperature"] = ("degC", signals[0])
-    for name, values in zip(data.names, signals[1:], strict=True):
-        coordinates[f"exogenous:{name}"] = ("", values)
-    entries = [_entry(coarse, fit_residual, name, unit, x) for name, (unit, x) in coordinates.items()]
+    made = {"direction": _direction(balance), "time_since_reversal": time_since_reversal(balance)}
+    recorded = [*(["temperature"] if data.temperature else []), *(f"exogenous:{name}" for name in data.names)]
+    names = ["time", "position", "velocity", "direction", "acceleration", "torque", "time_since_reversal", *recorded]
+    coordinates = {name: made[name] if name in made else values_of(data, name) for name in names}
+    entries = [_entry(coarse, fit_residual, name, unit_of(name, axis.kind), x) for name, x in coordinates.items()]
     found = [_with_period(balance, entry, fit_residual) for entry in entries if entry is not None]
-    return (*found, _frequency(coarse, fit_residual))
+    return (*found, _frequency(balance, fit_residual))
 
 
 def _direction(balance: Balance) -> np.ndarray:
@@ -233,50 +226,69 @@ def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float
     return 2.0 * math.pi / order, statistic, p_value, min(1.0, share)
 
 
-def _frequency(coarse: Coarse, residual: np.ndarray) -> AtlasEntry:
-    """The strongest line in the residual's spectrum, or its rise to low frequencies; the curve is it, N m per sqrt(Hz)."""
-    balance = coarse.balance
-    dt = balance.data.dt
-    t = balance.data.joined("t")
-    index = np.round((t - t.min()) / dt).astype(np.int64)
-    centred = np.where(balance.train, residual - residual[balance.train].mean(), 0.0)
-    series = np.bincount(index, centred)
-    length = len(series)
-    spectrum = np.fft.rfft(series)
-    grid = np.fft.rfftfreq(length, dt)
-    inside = (grid >= 2.0 / (length * dt)) & (grid <= balance.data.cutoff)
-    power, grid = np.abs(spectrum[inside]) ** 2, grid[inside]
-    width = min(101, 2 * (len(power) // 8) + 1)
-    usual = ndimage.median_filter(power, width, mode="reflect") / math.log(2.0)
-    ratio = power / np.maximum(usual, 1e-300)
-    peak = int(np.argmax(ratio))
-    statistic = float(ratio[peak])
-    tail = (1.0 + 2.0 * statistic / width) ** (-0.5 * width)  # exponential, but for the noise of `usual`
-    p_value = float(-np.expm1(len(power) * np.log1p(-min(tail, 1.0 - 1e-16))))
-    near = slice(max(0, peak - 2), peak + 3)
-    share = float(np.sum(np.maximum(power[near] - usual[near], 0.0)) / max(float(np.sum(power)), 1e-300))
-    half = 2.0 / (length * dt * max(float(balance.train.mean()), 1e-3))  # gaps widen a line
-    period: float | None = 1.0 / float(grid[peak])
-    where: tuple[float, float] | None = (float(grid[peak] - half), float(grid[peak] + half))
-    slow = slow_excess(coarse, residual, coarse.mean(residual - residual[balance.train].mean())[coarse.rows])
-    slow_share = slow.power / max(float(np.var(residual[balance.train])), 1e-300)
-    if slow.p_value < p_value or (slow.p_value < SURE and slow_share > share):
-        statistic, share, where, period = slow.statistic, slow_share, (0.0, slow.knee), None
-    p_value = min(1.0, 2.0 * min(p_value, slow.p_value))
-    if p_value > SURE:
-        share, where, period = 0.0, None, None
-    blocks = np.array_split(np.arange(len(power)), min(200, len(power)))
-    density = np.sqrt(2.0 * dt * np.array([power[b].mean() for b in blocks]) / max(balance.train.sum(), 1))
-    errors = np.array([1.96 / math.sqrt(4.0 * len(b)) for b in blocks])
+def _frequency(balance: Balance, residual: np.ndarray) -> AtlasEntry:
+    """The spectrum where it exceeds the noise's, in lines or in whole bands; the curve is it, N m per sqrt(Hz).
+
+    The range holds MOST of that excess but for what gaps spread; one line has a period.
+    """
+    grid, power, filled = _whole_spectrum(balance, residual)
+    resolution = float(grid[0]) / filled
+    noise = np.interp(grid, *balance.noise_spectrum(residual))
+    noise *= max(1.0, float(np.median(power / noise)) / math.log(2.0))  # a noise that is louder at times
+    ratio = power / noise
+    bands = np.array_split(np.arange(len(grid)), min(BANDS, len(grid)))
+    wide = np.array([stats.gamma.logsf(filled * ratio[b].sum() / LEEWAY, filled * len(b)) for b in bands])
+    narrow = -ratio / LEEWAY
+    log_p = min(0.0, math.log(2.0) + min(wide.min() + math.log(len(bands)), narrow.min() + math.log(len(grid))))
+    clear = ndimage.binary_dilation(narrow + math.log(len(grid) / SURE) < 0.0, iterations=2)
+    for band, level in zip(bands, wide, strict=True):
+        clear[band] |= level + math.log(len(bands) / SURE) < 0.0
+    excess = np.where(clear, power - noise, 0.0)
+    share, where, period = 0.0, None, None
+    if log_p < math.log(SURE) and excess.sum() > 0.0:
+        share = float(excess.sum() / power.sum())
+        first, last = _narrowest(np.cumsum(excess), MOST * filled)
+        where = (max(float(grid[first]) - resolution, 0.0), float(grid[last]) + resolution)
+        if where[0] > 0.0 and where[1] - where[0] < LINE * resolution:
+            period = 1.0 / float(grid[int(np.argmax(excess))])
+    density = np.sqrt([power[b].mean() for b in bands])
+    errors = np.array([1.96 / math.sqrt(4.0 * len(b)) for b in bands])
     return AtlasEntry(
         "frequency",
         "Hz",
-        statistic,
-        p_value,
-        min(1.0, share),
+        float(ratio.max()),
+        math.exp(log_p),
+        share,
         where,
         period,
-        np.array([grid[b].mean() for b in blocks]),
+        np.array([grid[b].mean() for b in bands]),
         density,
         density * errors,
     )
+
+
+def _whole_spectrum(balance: Balance, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Frequencies below the cutoff (m,), Hz, power density there, N^2 m^2/Hz, and how much of their length the stretches fill.
+
+    The train data of each stretch as long as the longest one, gaps zero.
+    """
+    dt, mean, length = balance.data.dt, residual[balance.train].mean(), max(balance.sizes)
+    grid = np.fft.rfftfreq(length, dt)
+    energy, counts = np.zeros(len(grid)), []
+    for a, b in itertools.pairwise(balance.ends):
+        train = balance.train[a:b]
+        energy += np.abs(np.fft.rfft(np.where(train, residual[a:b] - mean, 0.0), length)) ** 2
+        counts.append(np.count_nonzero(train))
+    inside = (grid > 0.0) & (grid <= balance.data.cutoff)
+    filled = float(sum(n * n for n in counts) / (length * sum(counts)))
+    return grid[inside], 2.0 * dt * energy[inside] / sum(counts), filled
+
+
+def _narrowest(total: np.ndarray, share: float) -> tuple[int, int]:
+    """First and last index of the narrowest interval that holds a share of a running total (m,) of what is not negative."""
+    total = np.maximum.accumulate(total)
+    begins = np.concatenate([[0.0], total[:-1]])
+    ends = np.searchsorted(total, begins + share * total[-1])
+    width = np.where(ends < len(total), ends - np.arange(len(total)), len(total))
+    first = int(np.argmin(width))
+    return first, int(min(ends[first], len(total) - 1))

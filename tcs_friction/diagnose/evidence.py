@@ -39,6 +39,17 @@ class Isolated:
 
 
 @dataclass(frozen=True)
+class Map:
+    """A learned map: torque (n,) or (n, m) on a regular grid over one or two coordinates between lower and upper."""
+
+    coordinates: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    values: Array
+
+
+@dataclass(frozen=True)
 class RunnerUp:
     """A hypothesis that lost: its gain (drop of squares in units of the noise) and why it lost."""
 
@@ -62,6 +73,7 @@ class Evidence:
     held_out: Array
     atlas: tuple[Look, ...] = ()
     isolated: tuple[Isolated, ...] = ()
+    learned: Map | None = None
     runners_up: tuple[RunnerUp, ...] = ()
     torque_unit: str = "N m"
     position_unit: str = "rad"

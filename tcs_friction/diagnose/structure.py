@@ -19,6 +19,7 @@ from scipy import linalg, stats
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
 from tcs_friction.diagnose.coarse import Coarse, slow_excess
+from tcs_friction.diagnose.coordinates import values_of
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.terms import Table
 
@@ -93,18 +94,7 @@ class _Ground:
 
     def values(self, coordinate: str) -> np.ndarray:
         """A coordinate at the samples of the chunks."""
-        return coordinate_values(self.balance, coordinate)[self.coarse.samples]
-
-
-def coordinate_values(balance: Balance, coordinate: str) -> np.ndarray:
-    """A coordinate of the motion vector (n,): time, position, ..., temperature, `exogenous:NAME`."""
-    data = balance.data
-    if coordinate == "temperature":
-        return np.asarray(data.joined("signals")[0])
-    if coordinate.startswith("exogenous:"):
-        name = coordinate.removeprefix("exogenous:")
-        return np.asarray(data.joined("signals")[1 + data.names.index(name)])
-    return data.joined("t" if coordinate == "time" else coordinate)
+        return values_of(self.balance.data, coordinate)[self.coarse.samples]
 
 
 def remaining_structure(balance: Balance, fit: Fit) -> Structure | None:

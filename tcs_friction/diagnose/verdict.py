@@ -14,7 +14,8 @@ from tcs_friction.diagnose.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.balance import Balance, Fit, rms
 from tcs_friction.diagnose.candidates import chance
 from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
+from tcs_friction.diagnose.coordinates import unit_of, values_of
+from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.diagnose.experiment import next_experiment
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.limits import barred, check_units, limits, passed_once
@@ -35,6 +36,7 @@ FAR = 2.0  # noise floors, from which a residual is not noise whatever it looks 
 COMPLETE = 1.25  # times the noise floor, that a map leaves which explains all
 TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 PLOTTED = 6000  # samples in pictures
+FOLDED = 4.0  # periods, from which an effect is drawn over one of them
 
 Progress = Callable[[float, str], None]
 
@@ -325,9 +327,8 @@ class _Judge:
             improved=residuals["improved"][thin],
             held_out=self.balance.held_out[thin],
             atlas=looks,
-            isolated=tuple(
-                self._isolated(item, residuals["improved"], thin) for item in self.fit.axis.effects
-            ),
+            isolated=tuple(self._isolated(item, residuals["improved"], thin) for item in self._vocabulary()),
+            learned=self._map(),
             runners_up=self._runners_up(),
             torque_unit="N" if linear else "N m",
             position_unit="m" if linear else "rad",
@@ -337,8 +338,20 @@ class _Judge:
     def _isolated(self, item: Instance, improved: np.ndarray, thin: slice) -> Isolated:
         """What is left when all but this effect is taken away, against the effect's coordinate."""
         left = self.balance.residual(self.fit.axis.without_effect(item))
-        coordinate, unit, x = _coordinate(self.data, item)
+        coordinate = _drawn_over(item)
+        x, unit = values_of(self.data, coordinate), unit_of(coordinate, self.file.axis.kind)
+        period = _where(item, self.fit.axis)["period"]
+        if period is not None and np.ptp(x) > FOLDED * period:
+            coordinate, x = f"{coordinate}_within_a_period", x % period
         return Isolated(item.term.id, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
+
+    def _map(self) -> Map | None:
+        """The learned map, to be drawn."""
+        table = next((item.table for item in self.fit.axis.effects if item.table is not None), None)
+        if table is None:
+            return None
+        units = tuple(unit_of(name, self.file.axis.kind) for name in table.coordinates)
+        return Map(table.coordinates, units, table.lower, table.upper, table.values)
 
     def _runners_up(self) -> tuple[RunnerUp, ...]:
         """Hypotheses that lost, with the reason."""
@@ -356,9 +369,9 @@ class _Judge:
         for c in self.selection.rounds[-1] if self.selection.rounds else []:
             name = c.name.split(":")[0]
             if name not in chosen and name not in lost:
-                lost[name] = RunnerUp(
-                    name, c.gain, f"gains {c.gain:.3g}; chance and smoothing may give {c.threshold:.3g}"
-                )
+                chance_gives = f"chance and smoothing may give {c.threshold:.3g}"
+                reason = "a learned map explains as much without it" if c.score > 0.0 else chance_gives
+                lost[name] = RunnerUp(name, c.gain, f"gains {c.gain:.3g}; {reason}")
         return tuple(sorted(lost.values(), key=lambda r: -r.score)[:8])
 
 
@@ -420,29 +433,18 @@ def _where(item: Instance, axis: Axis) -> dict[str, Any]:
     return where
 
 
-def _coordinate(data: Conditioned, item: Instance) -> tuple[str, str, np.ndarray]:
-    """Name, unit and values of the coordinate to draw an effect over."""
-    names = {
-        "position": ("position", "rad"),
-        "velocity": ("velocity", "rad/s"),
-        "direction": ("velocity", "rad/s"),
-        "acceleration": ("acceleration", "rad/s^2"),
-        "torque": ("torque", "N m"),
-    }
-    coordinate = item.term.coordinate
-    if coordinate == "temperature":
-        return coordinate, "degC", data.joined("signals")[0]
-    if coordinate == "exogenous" and item.signal in data.names:
-        return f"exogenous:{item.signal}", "", data.joined("signals")[1 + data.names.index(item.signal)]
-    if coordinate in names:
-        name, unit = names[coordinate]
-        return name, unit, data.joined(name)
-    return "time", "s", data.joined("t")
+def _drawn_over(item: Instance) -> str:
+    """The coordinate to draw an effect over."""
+    coordinate = {"direction": "velocity", "frequency": "time", "time_since_reversal": "time"}.get(
+        item.term.coordinate, item.term.coordinate
+    )
+    return f"exogenous:{item.signal}" if coordinate == "exogenous" else coordinate
 
 
 def _atlas_mapping(entry: AtlasEntry) -> dict[str, Any]:
     return {
         "coordinate": entry.coordinate,
+        "unit": entry.unit,
         "statistic": entry.statistic,
         "p_value": entry.p_value,
         "range": None if entry.range is None else list(entry.range),

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.interpolate import RegularGridInterpolator
 
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look
+from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,
@@ -40,10 +41,13 @@ from tcs_friction.report.html import (
     table,
     write_page,
 )
-from tcs_friction.report.numbers import with_error
+from tcs_friction.report.numbers import NO_BREAK, interval, with_error
 
 SIGNIFICANT = 0.01
 """p-value below which the atlas calls a coordinate one where the residual lives."""
+
+SHADES = 300
+"""Points each way at which a map over two coordinates is coloured."""
 
 WORDS = {
     "match": "the model matches",
@@ -73,6 +77,10 @@ def write_report(
         parts.append(
             section("What was left out", _effects_table(diagnosis, evidence), *map(picture, effects))
         )
+    if evidence.learned is not None:
+        remains = draw_map(evidence.learned, evidence.torque_unit)
+        effects.append(remains)
+        parts.append(section("What nothing in the vocabulary explains", picture(remains)))
     if evidence.runners_up:
         rows = [[r.effect, f"{r.score:.3g}", r.reason] for r in evidence.runners_up]
         head = ["hypothesis", "gain (chi-squared)", "why it lost"]
@@ -92,7 +100,7 @@ def write_report(
 )
 def draw_atlas(evidence: Evidence) -> Figure:
     """Small multiples, most telling coordinate first, all at one torque scale."""
-    looks = sorted(evidence.atlas, key=lambda look: -look.share)[:9]
+    looks = sorted(evidence.atlas, key=lambda look: -_telling(look.coordinate, look.share))[:9]
     if not looks:
         figure, (axes,) = panels(height=1.5)
         _empty(axes, "no coordinate to look at")
@@ -100,7 +108,7 @@ def draw_atlas(evidence: Evidence) -> Figure:
     columns = min(3, len(looks))
     figure, grid = panels(-(-len(looks) // columns), columns, height=2.1, width=9.4, sharey=True)
     for axes, look in zip(grid, looks, strict=False):
-        _draw_look(axes, look)
+        _draw_look(axes, look, evidence.torque_unit)
     for axes in grid[len(looks) :]:
         axes.set_axis_off()
     for axes in grid[::columns]:
@@ -108,7 +116,12 @@ def draw_atlas(evidence: Evidence) -> Figure:
     return figure
 
 
-def _draw_look(axes: Axes, look: Look) -> None:
+def _telling(coordinate: str, share: float) -> float:
+    """What a coordinate says with its share of the power: all that is no noise lives at some frequencies."""
+    return 0.5 * share if coordinate == "frequency" else share
+
+
+def _draw_look(axes: Axes, look: Look, torque_unit: str) -> None:
     here = look.p_value < SIGNIFICANT
     color = BELIEVED if here else MUTED
     axes.axhline(0.0, color=MEASURED, lw=0.7)
@@ -119,9 +132,14 @@ def _draw_look(axes: Axes, look: Look) -> None:
     else:
         axes.fill_between(look.x, look.mean - look.band, look.mean + look.band, color=color, alpha=0.25, lw=0)
         axes.plot(look.x, look.mean, color=color)
-    name = look.coordinate.removeprefix("exogenous:").replace("_", " ")
-    axes.set_xlabel(f"{name} ({look.unit})" if look.unit else name)
-    axes.set_title(f"{name}: {100.0 * look.share:.0f} %" if here else f"{name}: chance", color=color)
+    name = _plain(look.coordinate)
+    height = f"; height in {torque_unit}/√Hz" if name == "frequency" else ""
+    axes.set_xlabel((f"{name} ({look.unit})" if look.unit else name) + height)
+    axes.set_title(f"{name}: {_percent(look.share)}" if here else f"{name}: chance", color=color)
+
+
+def _percent(share: float) -> str:
+    return "under 1 %" if share < 0.01 else f"{100.0 * share:.0f} %"
 
 
 def _empty(axes: Axes, words: str) -> None:
@@ -176,12 +194,47 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
         line(axes, item.x[order], item.fitted[order], IMPROVED, f"{item.effect}, fitted", lw=1.8)
         spread = 1.4 * np.percentile(np.abs(item.residual), 99.5)
         axes.set_ylim(-spread, spread)
-        name = item.coordinate.removeprefix("exogenous:").replace("_", " ")
+        name = _plain(item.coordinate)
         label(axes, f"{name} ({item.unit})" if item.unit else name, f"torque ({evidence.torque_unit})")
         legend(axes)
         return figure
 
     return picture_of(f"effect_{index + 1}_{item.effect}", f"{item.effect} by itself.", draw)
+
+
+@drawn(
+    "learned_map",
+    "Opposing torque that the data ask for and no physics here explains: a table, with which the simulation predicts better. "
+    "Look for what changes with these coordinates.",
+)
+def draw_map(learned: Map, torque_unit: str) -> Figure:
+    """A curve over one coordinate, colours over two."""
+    figure, (axes,) = panels(height=3.2)
+    names = [
+        f"{_plain(name)} ({unit})" if unit else _plain(name)
+        for name, unit in zip(learned.coordinates, learned.units, strict=True)
+    ]
+    nodes = [
+        np.linspace(low, high, count)
+        for low, high, count in zip(learned.lower, learned.upper, learned.values.shape, strict=True)
+    ]
+    if len(nodes) == 1:
+        line(axes, nodes[0], learned.values, IMPROVED, lw=1.8)
+        axes.axhline(0.0, color=MEASURED, lw=0.7)
+        label(axes, names[0], f"opposing torque ({torque_unit})")
+        return figure
+    most = float(np.abs(learned.values).max())
+    fine = [np.linspace(x[0], x[-1], SHADES) for x in nodes]
+    values = RegularGridInterpolator(nodes, learned.values)(np.stack(np.meshgrid(*fine), axis=-1))
+    colours = axes.pcolormesh(*fine, values, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
+    label(axes, *names)
+    figure.colorbar(colours, label=f"opposing torque ({torque_unit})")
+    return figure
+
+
+def _plain(coordinate: str) -> str:
+    """A coordinate's name in words."""
+    return coordinate.removeprefix("exogenous:").replace("_", " ")
 
 
 def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
@@ -205,14 +258,21 @@ def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
 
 def _atlas_table(diagnosis: Mapping[str, Any]) -> Html:
     rows: list[list[str | Cell]] = []
-    for entry in sorted(diagnosis["atlas"], key=lambda e: -e["share"]):
+    for entry in sorted(diagnosis["atlas"], key=lambda e: -_telling(e["coordinate"], e["share"])):
         here = entry["p_value"] < SIGNIFICANT
-        share = f"{100.0 * entry['share']:.1f} %"
         p_value = "< 0.001" if entry["p_value"] < 0.001 else f"{entry['p_value']:.3f}"
-        limits = entry.get("range")
-        where = f"{limits[0]:.4g} to {limits[1]:.4g}" if limits else "everywhere"
-        rows.append([entry["coordinate"].replace("_", " "), share, p_value, where if here else ""])
-    return table(["coordinate", "share of residual power", "p-value", "range"], rows)
+        rows.append([_plain(entry["coordinate"]), _percent(entry["share"]), p_value, _where(entry) if here else ""])
+    return table(["coordinate", "share of residual power", "p-value", "where"], rows)
+
+
+def _where(entry: Mapping[str, Any]) -> str:
+    """The range or the period of an entry of the atlas."""
+    unit, period, limits = entry["unit"], entry["period"], entry["range"]
+    if period and entry["coordinate"] == "frequency":
+        return f"{1.0 / period:.4g} {unit}"
+    if period:
+        return f"every {period:.4g} {unit}"
+    return interval(limits[0], limits[1], unit) if limits else "everywhere"
 
 
 def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
@@ -231,7 +291,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         ]
         for name, words in models
     ]
-    unit = evidence.torque_unit
+    unit = evidence.torque_unit.replace(" ", NO_BREAK)
     horizon = free.get("horizon")
     after = f", rms over {horizon:g} s" if horizon else ""
     head = [
@@ -251,7 +311,7 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     rows: list[Sequence[str | Cell]] = []
     for entry in diagnosis["effects"]:
         values = "; ".join(
-            f"{name} {with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip()
+            f"{name} {with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip().replace(" ", NO_BREAK)
             for name, p in entry["parameters"].items()
         )
         rows.append(
@@ -268,7 +328,7 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         "effect",
         "parameters",
         "look at",
-        f"rms, {evidence.torque_unit}",
+        f"rms, {evidence.torque_unit}".replace(" ", NO_BREAK),
         "probability",
         "cannot be told from",
     ]

@@ -4,6 +4,19 @@ from __future__ import annotations
 
 import math
 
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def interval(lower: float, upper: float, unit: str) -> str:
+    """A range, to the third digit of its width.
+
+    >>> interval(-1.3e-17, 5.3126, "rad/s"), interval(2.0, 2.0, "")
+    ('0.00 to 5.31 rad/s', '2 to 2')
+    """
+    width = upper - lower
+    places = max(2 - math.floor(math.log10(width)), 0) if width > 0.0 else 0
+    return f"{lower:z.{places}f} to {upper:z.{places}f} {unit}".rstrip()
+
 
 def with_error(value: float, std: float | None) -> str:
     """A value with its standard error, both to the error's second digit.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
-from structure_cases import Torque, axis, coloured, conditioned, settled
+from structure_cases import Motion, Torque, axis, coloured, conditioned, settled
 
 from tcs_friction.diagnose.atlas import AtlasEntry, atlas, time_since_reversal
 
@@ -85,6 +87,28 @@ def test_vibration_lives_at_its_frequency() -> None:
     assert here.period == pytest.approx(1.0 / 7.3, rel=1e-3)
     assert here.range is not None
     assert here.range[0] < 7.3 < here.range[1]
+
+
+def test_several_recordings_have_their_lines_together() -> None:
+    one = conditioned(np.random.default_rng(1), lambda m: 0.4 * np.sin(2 * np.pi * 7.3 * m.t))
+    two = conditioned(np.random.default_rng(2), lambda m: 0.4 * np.sin(2 * np.pi * 7.3 * m.t + 2.0), seconds=200.0)
+    balance, fit = settled(replace(one, stretches=(*one.stretches, *two.stretches)))
+    here = atlas(balance, fit.axis, balance.residual(fit.axis))[-1]
+    assert here.period == pytest.approx(1.0 / 7.3, rel=1e-3)
+    assert here.share == pytest.approx(0.08 / (0.08 + 0.09), abs=0.1)
+
+
+def test_a_band_of_lines_has_a_range() -> None:
+    def torque(m: Motion) -> np.ndarray:
+        return np.sum([0.2 * np.sin(2 * np.pi * f * m.t + f * f) for f in np.arange(6.0, 9.0, 0.1)], axis=0)
+
+    here = look(torque)["frequency"]
+    assert here.p_value < 1e-10
+    assert here.share == pytest.approx(0.6 / (0.6 + 0.09), abs=0.1)
+    assert here.period is None
+    assert here.range is not None
+    assert here.range[0] == pytest.approx(6.0, abs=1.0)
+    assert here.range[1] == pytest.approx(8.9, abs=1.0)
 
 
 def test_signal_lives_on_itself() -> None:

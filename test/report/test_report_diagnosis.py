@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, RunnerUp
+from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.report.diagnosis import write_report
+from tcs_friction.report.numbers import NO_BREAK
 
 RANDOM = np.random.default_rng(0)
 T = np.linspace(0.0, 60.0, 3000)
@@ -70,17 +71,39 @@ def diagnosis() -> dict[str, Any]:
         "free_run": {"horizon": 1.0, "position_rms": {"believed": 1e-4, "retuned": 8e-5, "improved": 1e-6}},
         "atlas": [
             {
-                "coordinate": "position",
+                "coordinate": "velocity",
+                "unit": "rad/s",
                 "statistic": 9.0,
                 "p_value": 1e-4,
-                "range": [-0.3, 0.3],
+                "range": [1e-17, 0.3],
+                "period": None,
+                "share": 0.02,
+            },
+            {
+                "coordinate": "frequency",
+                "unit": "Hz",
+                "statistic": 9.0,
+                "p_value": 1e-4,
+                "range": [7.1, 7.2],
+                "period": 1.0 / 7.15,
+                "share": 0.96,
+            },
+            {
+                "coordinate": "position",
+                "unit": "rad",
+                "statistic": 9.0,
+                "p_value": 1e-4,
+                "range": None,
+                "period": 0.0873,
                 "share": 0.92,
             },
             {
                 "coordinate": "time_since_reversal",
+                "unit": "s",
                 "statistic": 1.0,
                 "p_value": 0.4,
                 "range": None,
+                "period": None,
                 "share": 0.01,
             },
         ],
@@ -94,16 +117,31 @@ def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence,
     for words in (
         "The motor cogs 72 times a turn.",
         "physics is missing",
-        "order 72.001 ± 0.012 1/turn",
+        "order 72.001 ± 0.012 1/turn".replace(" ", NO_BREAK),
         "torque_ripple",
         "needs a torque that &lt;changes&gt;",
-        "-0.3 to 0.3",
+        "0.000 to 0.300 rad/s",
+        "every 0.0873 rad",
+        "7.15 Hz",
         "1.03 times the noise floor",
         "Record q.yaml.",
         "a gap of 3 s",
     ):
         assert words in document
+    assert document.index("every 0.0873 rad") < document.index("7.15 Hz")  # more telling, with a smaller share
     assert {entry.stem for entry in tmp_path.glob("*.png")} == {"where", "before_after", "effect_1_cogging"}
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+def test_what_remains_is_drawn(
+    axes: int, diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path
+) -> None:
+    values = np.outer(np.sin(np.arange(9.0)), [1.0, -1.0]) if axes == 2 else np.sin(np.arange(9.0))
+    names, units = ("position", "exogenous:oil_pressure")[:axes], ("rad", "")[:axes]
+    learned = Map(names, units, (0.0, -1.0)[:axes], (2.0, 1.0)[:axes], values)
+    document = write_report(tmp_path, diagnosis, replace(evidence, learned=learned)).read_text(encoding="utf-8")
+    assert "What nothing in the vocabulary explains" in document
+    assert (tmp_path / "learned_map.png").stat().st_size > 1000
 
 
 @pytest.mark.parametrize("verdict", ["match", "parameters", "unexplained"])

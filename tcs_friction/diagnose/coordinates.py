@@ -1,0 +1,34 @@
+"""Coordinates that a residual may live on: their values over conditioned recordings, and their units."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.physics.terms import linear_unit
+
+UNITS = {
+    "time": "s",
+    "position": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s^2",
+    "torque": "N m",
+    "temperature": "degC",
+    "time_since_reversal": "s",
+    "frequency": "Hz",
+}
+
+
+def unit_of(coordinate: str, kind: str) -> str:
+    """Its unit on a "rotary" or "linear" axis; nothing for directions and for signals, whose units nobody recorded."""
+    unit = UNITS.get(coordinate, "")
+    return unit if kind == "rotary" else linear_unit(unit)
+
+
+def values_of(data: Conditioned, coordinate: str) -> np.ndarray:
+    """A coordinate of the motion vector (n,): time, position, ..., temperature, `exogenous:NAME`."""
+    if coordinate == "temperature":
+        return np.asarray(data.joined("signals")[0])
+    if coordinate.startswith("exogenous:"):
+        return np.asarray(data.joined("signals")[1 + data.names.index(coordinate.removeprefix("exogenous:"))])
+    return data.joined("t" if coordinate == "time" else coordinate)
