@@ -222,8 +222,7 @@ def _sharpened(
     before = rms(verdicts.refined.residual[counted])
     if fine is None or before < NOISELESS * float(np.std(problem.target)):
         return verdicts, None
-    speed = float(np.abs(problem.motion.velocity).max())
-    sharp = sharpen(fine, unknowns[:size], verdicts.space.first(size), before, speed, loss, cancel)
+    sharp = sharpen(fine, unknowns[:size], verdicts.space.first(size), before, loss, cancel)
     if sharp is None:
         return verdicts, None
     unknowns[:size] = sharp.unknowns[:size]

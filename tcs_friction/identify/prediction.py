@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from tcs_friction.identify import forced_kernel
 from tcs_friction.identify import prediction_kernel as kernel
@@ -28,6 +29,7 @@ NUISANCES = (
 REST = NUISANCES + 2
 STIFFEST = 0.5  # rad per sample: bristles that swing faster are not resolved
 JUMP = 0.05  # of its range: friction that changes by more within a sample is not resolved
+AROUND = LEAST_RUN // 2  # samples on either side that are left out, too
 LARGEST, SMALLEST = 1e60, 1e-60
 LONGEST_DELAY = 0.05  # s
 
@@ -39,6 +41,7 @@ class Fine:
     The torque is the one at the rotor less believed effects, without the believed delay (s); density: rad^2/Hz of the
     encoder's noise. `model` walks through a motion that has these samples at `places` (n,) with `velocity` rad/s (n,),
     `shaken` through the same with the velocity moved by `jitter` rad/s (n,), to and fro so that the way stays the same.
+    least: (k,) steps of the law's parameters that move the friction a little where these are zero.
     """
 
     position: np.ndarray
@@ -52,6 +55,7 @@ class Fine:
     places: np.ndarray
     velocity: np.ndarray
     jitter: np.ndarray
+    least: np.ndarray
 
     def only(self, mask: np.ndarray) -> Fine | None:
         """The same with those samples (n,) alone of which enough follow each other; None of none."""
@@ -74,7 +78,7 @@ class Predictor(ABC):
 
     STEP = 1e-3  # relative, of differences that stand for derivatives
 
-    def __init__(self, fine: Fine, space: Space, speed: float) -> None:
+    def __init__(self, fine: Fine, space: Space) -> None:
         self.fine, self._space = fine, space
         start = fine.position[fine.bounds[:-1]]
         lengths = np.diff(fine.bounds)
@@ -83,7 +87,7 @@ class Predictor(ABC):
         self._torque = np.ascontiguousarray(fine.torque)
         least = 1e-9 * float(np.ptp(fine.position))
         self.encoder = max(float(np.sqrt(0.5 * fine.density / fine.dt)), least)
-        self._scale = float(np.std(fine.torque)), max(speed, 1e-300)
+        self._size = float(np.std(fine.torque))
         self._deviation = np.ones(len(fine.position))
         self.target, self.weights = np.zeros(len(fine.position)), np.ones(len(fine.position))
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
@@ -94,9 +98,9 @@ class Predictor(ABC):
         """Fill errors and variances (2, m, n) for laws (m, k) and the rest (m, 7): inertia, offset, delay, rate and size of the
         disturbance, encoder noise, size of the drift."""
 
-    def resolves(self, unknowns: np.ndarray) -> bool:  # noqa: ARG002
-        """Whether the recording's steps are short against the axis' own motion; unknowns (k + 2,): law, inertia, offset."""
-        return True
+    @abstractmethod
+    def resolved(self, unknowns: np.ndarray) -> np.ndarray:
+        """(n,) Where the recording's steps are short against what the axis does; unknowns (k + 2,): law, inertia, offset."""
 
     def predicted(
         self, unknowns: np.ndarray, encoder: np.ndarray | float, samples: int | None = None
@@ -141,11 +145,10 @@ class Predictor(ABC):
         return self._last[1]
 
     def _steps(self, unknowns: np.ndarray) -> np.ndarray:
-        torque, speed = self._scale
         step = self.STEP * np.abs(unknowns)
         linear = ~self._space.logarithmic[:-REST]
-        step[:-REST][linear] = np.maximum(step[:-REST][linear], 1e-4 * torque / speed)
-        step[1 - REST] = 1e-4 * torque
+        step[:-REST][linear] = np.maximum(step[:-REST], self.fine.least)[linear]
+        step[1 - REST] = 1e-4 * self._size
         step[-NUISANCES] = 0.02 * self.fine.dt
         return step
 
@@ -178,19 +181,19 @@ def _bounded(values: np.ndarray) -> np.ndarray:
 class LuGrePredictor(Predictor):
     """An axis with LuGre friction, whose bristle is predicted with its motion."""
 
-    def __init__(self, fine: Fine, model: LuGreModel, space: Space, speed: float) -> None:
-        super().__init__(fine, space, speed)
+    def __init__(self, fine: Fine, model: LuGreModel, space: Space) -> None:
+        super().__init__(fine, space)
         self._model = model
 
     def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
         candidates = np.column_stack([np.array([self._model.as_lugre(values) for values in laws]), rest])
         kernel.predict(self._position, self._torque, self._impulse, bounds, self.fine.dt, candidates, *out)
 
-    def resolves(self, unknowns: np.ndarray) -> bool:
-        """Whether steps are short against the bristles' own swing and decay."""
+    def resolved(self, unknowns: np.ndarray) -> np.ndarray:
+        """Everywhere if steps are short against the bristles' own swing and decay, else nowhere."""
         values, inertia = self._model.as_lugre(unknowns[:-2]), unknowns[-2]
         swing, decay = np.sqrt(values[3] / inertia), (values[4] + values[5]) / inertia
-        return bool(max(swing, decay) * self.fine.dt < STIFFEST)
+        return np.full(len(self.target), max(swing, decay) * self.fine.dt < STIFFEST)
 
 
 class ForcedPredictor(Predictor):
@@ -198,10 +201,10 @@ class ForcedPredictor(Predictor):
 
     STEP = 1e-5  # kinks of a law move by more than their standard errors in longer ones
 
-    def __init__(self, fine: Fine, space: Space, speed: float) -> None:
-        super().__init__(fine, space, speed)
+    def __init__(self, fine: Fine, space: Space) -> None:
+        super().__init__(fine, space)
         self._rows: dict[bytes, np.ndarray] = {}
-        self._slope = np.zeros(len(fine.position))
+        self.slope = np.zeros(len(fine.position))
 
     def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
         different, law = np.unique(laws, axis=0, return_inverse=True)
@@ -211,14 +214,14 @@ class ForcedPredictor(Predictor):
             self._rows[key] = known[key] if key in known else self._friction(self.fine.model, values)
         forced_kernel.predict(
             self._position, self._torque, self._impulse, np.array(list(self._rows.values())), law,
-            self.fine.velocity, self._slope, bounds, self.fine.dt, np.ascontiguousarray(rest), *out,
+            self.fine.velocity, self.slope, bounds, self.fine.dt, np.ascontiguousarray(rest), *out,
         )  # fmt: skip
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Take the slopes of the friction from these unknowns, too."""
         values = unknowns[:-REST]
         moved = self._friction(self.fine.shaken, values) - self._friction(self.fine.model, values)
-        self._slope = moved / self.fine.jitter
+        self.slope = moved / self.fine.jitter
         super().weigh(unknowns)
 
     def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
@@ -227,12 +230,12 @@ class ForcedPredictor(Predictor):
             return self._last[1][0]
         return np.asarray(-self.predicted(unknowns[None], self.encoder)[0][0] / self._deviation)
 
-    def resolves(self, unknowns: np.ndarray) -> bool:
-        """Whether friction does not jump from sample to sample: what it does there depends on motion between them."""
+    def resolved(self, unknowns: np.ndarray) -> np.ndarray:
+        """Away from where friction jumps from sample to sample: what it does there depends on motion between them."""
         friction = self._friction(self.fine.model, unknowns[:-2])
-        steps = np.abs(np.diff(friction))
-        steps[self.fine.bounds[1:-1] - 1] = 0.0
-        return bool(steps.max() < JUMP * np.ptp(friction))
+        steps = np.abs(np.diff(friction, prepend=friction[0]))
+        steps[self.fine.bounds[1:-1]] = 0.0
+        return ~ndimage.binary_dilation(steps > JUMP * np.ptp(friction), iterations=AROUND)
 
     def _friction(self, model: Model, values: np.ndarray) -> np.ndarray:
         return model.torque(values, np.zeros(0))[self.fine.places]

@@ -35,6 +35,8 @@ from tcs_friction.physics.terms import Place
 MOST_INITIAL_STATES = 16
 SERIES_POINTS = 20000  # friction series are thinned to about this many points
 MOST_SAMPLES, WINDOW = 400_000, 20_000  # samples that are predicted, and windows of a recording that has more
+LITTLE = 1e-4  # of the torque, or of a number's unit: a small step from zero
+JITTER = 1e-3  # of the velocity's resolution, for slopes of friction: a memory must keep up with what it does to the level
 SHARPER = 3.0  # times the low pass' bandwidth, for friction that predictions are made with
 LEAST_SLIDING = 0.2  # of a recording, where a law without memory is to be judged by sliding alone
 
@@ -245,11 +247,13 @@ def _fine(axis: Axis, motion: Motion) -> Fine | None:
     made = AnyModel if reads_load(axis) else model_for
     model = made(axis, motion)
     torque = prompt - background(axis, motion).opposing
-    jitter = motion.resolution / 3.0 * np.where(np.arange(len(motion)) % 2, -1.0, 1.0)
+    jitter = JITTER * motion.resolution * np.where(np.arange(len(motion)) % 2, -1.0, 1.0)
     shaken = made(axis, replace(motion, velocity=motion.velocity + jitter))
+    viscosity = float(np.std(torque)) / float(np.abs(motion.velocity).max())
+    least = [LITTLE * (viscosity if p.unit == "N m s/rad" else 1.0) for p in axis.friction.term.parameters]
     fine = Fine(
         position, torque, motion.bounds, 1.0 / motion.rate, motion.density, axis.actuation_delay,
-        model, shaken, np.arange(len(motion)), motion.velocity, jitter,
+        model, shaken, np.arange(len(motion)), motion.velocity, jitter, np.array(least),
     )  # fmt: skip
     return fine.only(_known(axis, model, motion)[1])
 

@@ -11,6 +11,7 @@ from tcs_friction.identify.models import LuGreModel
 from tcs_friction.identify.prediction import NUISANCES, Fine, ForcedPredictor, LuGrePredictor, Predictor
 from tcs_friction.identify.refine import Refined, Space, refine
 
+MOSTLY = 0.5  # of the samples, at least, must be resolved
 ROUNDS = 3  # of fits, each with the weights that follow from the one before
 LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
 SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
@@ -51,19 +52,23 @@ class Sharpened:
 
 
 def sharpen(
-    fine: Fine, unknowns: np.ndarray, space: Space, residual: float, speed: float, loss: str,
+    fine: Fine, unknowns: np.ndarray, space: Space, residual: float, loss: str,
     cancel: Callable[[], bool],
 ) -> Sharpened | None:  # fmt: skip
     """Fit predictions, starting from a fit of torques; None where the recording is too coarse for them.
 
     The law is held at first: a wrong timing would drive it off, into other minima where it has kinks.
 
-    unknowns, space: law, inertia and offset (k + 2,); residual: rms of the fit before, N m; speed: the highest, rad/s.
+    unknowns, space: law, inertia and offset (k + 2,); residual: rms of the fit before, N m.
     """
-    wider = _widened(space)
-    predictor = _predictor(fine, wider, speed)
-    if not predictor.resolves(unknowns):
-        return None
+    wider = widened(space)
+    predictor = _predictor(fine, wider)
+    resolved = predictor.resolved(unknowns)
+    if not resolved.all():
+        clear = fine.only(resolved)
+        if clear is None or len(clear.position) < MOSTLY * len(fine.position):
+            return None
+        fine, predictor = clear, _predictor(clear, wider)
     size = max(residual, 1e-9 * float(np.std(fine.torque))) / unknowns[-2]
     start = predictor.tune(np.array([*unknowns, fine.delay, START_RATE, size, DRIFT * size]))
     law = np.arange(len(start)) < len(unknowns) - 2
@@ -81,13 +86,13 @@ def sharpen(
     return Sharpened(start, wider, fit, predictor.evaluations, predictor)
 
 
-def _predictor(fine: Fine, space: Space, speed: float) -> Predictor:
+def _predictor(fine: Fine, space: Space) -> Predictor:
     if isinstance(fine.model, LuGreModel):
-        return LuGrePredictor(fine, fine.model, space, speed)
-    return ForcedPredictor(fine, space, speed)
+        return LuGrePredictor(fine, fine.model, space)
+    return ForcedPredictor(fine, space)
 
 
-def _widened(space: Space) -> Space:
+def widened(space: Space) -> Space:
     """With delay, rate and size of the disturbance, and size of the drift."""
     return Space(
         np.concatenate([space.lower, [0.0, START_RATE / 30.0, 1e-300, 1e-300]]),
