@@ -64,12 +64,13 @@ def _coloured(rng: np.random.Generator, count: int, corner: float) -> np.ndarray
 
 
 def _chaos(rng: np.random.Generator, count: int) -> np.ndarray:
-    """A chaotic map's orbit, a new value every 0.3 s, straight between them, -1 to 1."""
+    """A chaotic map's orbit, a new value every 0.3 s, straight between them, without its mean, which would be a torque bias."""
     nodes = np.empty(int(count * PERIOD / 0.3) + 2)
     nodes[0] = rng.uniform(0.1, 0.9)
     for i in range(1, len(nodes)):
         nodes[i] = 3.97 * nodes[i - 1] * (1.0 - nodes[i - 1])
-    return np.asarray(np.interp(np.arange(count) * PERIOD, 0.3 * np.arange(len(nodes)), 2.0 * nodes - 1.0))
+    orbit = np.interp(np.arange(count) * PERIOD, 0.3 * np.arange(len(nodes)), 2.0 * nodes - 1.0)
+    return np.asarray(orbit - orbit.mean())
 
 
 def draw_environment(rng: np.random.Generator, stretch: float) -> Environment:
