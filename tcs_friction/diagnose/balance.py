@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft, ndimage, signal
 
 from tcs_friction.diagnose.condition import Conditioned, through
+from tcs_friction.diagnose.free import Free, at_bound, free_parameters, get, limited, put
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Parameter, Role
+from tcs_friction.physics.terms import Instance
 
 STATED, UNSTATED = 0.25, 0.5  # periods of the recording, by which torque and position may be misaligned
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
@@ -28,107 +29,6 @@ LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
 MOST_OF_MOTION = 0.9  # of the noise power: the drive always adds a little
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
-
-
-@dataclass(frozen=True)
-class Free:
-    """One free number of a fit.
-
-    owner: -3 actuation delay, -2 inertia, -1 friction law, else the index of the effect. kind: "log" (positive), "plain",
-    or "cosine"/"sine": the two linear parts of an amplitude with a phase. scale: a step that is small for it.
-    """
-
-    owner: int
-    name: str
-    kind: str
-    scale: float
-    phase: str = ""
-    bounds: tuple[float, float] = (-math.inf, math.inf)
-
-
-def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | None]]:
-    """Each parameter with its phase, if it has one."""
-    result: list[tuple[Parameter, Parameter | None]] = []
-    for parameter in parameters:
-        if parameter.role is Role.PHASE:
-            result[-1] = (result[-1][0], parameter)
-        else:
-            result.append((parameter, None))
-    return result
-
-
-def free_parameters(axis: Axis, torque_scale: float, hold: frozenset[str] = frozenset()) -> list[Free]:
-    """What a joint fit of this axis may change: inertia, the law's parameters, every effect's active parameters."""
-    free = [] if "inertia" in hold else [Free(-2, "inertia", "log", 1e-4)]
-    for parameter in axis.friction.term.parameters:
-        value = axis.friction.values[parameter.name]
-        if parameter.name in hold or parameter.name == "exponent" or value <= 0.0:
-            continue
-        free.append(Free(-1, parameter.name, "log", 1e-4))
-    for index, item in enumerate(axis.effects):
-        for parameter, phase in pairs(item.term.parameters):
-            value = item.values[parameter.name]
-            if parameter.role is Role.FIXED or (parameter.default is not None and value == parameter.default):
-                continue
-            if phase is not None:
-                free.append(Free(index, parameter.name, "cosine", torque_scale, phase.name))
-                free.append(Free(index, parameter.name, "sine", torque_scale, phase.name))
-            elif parameter.role is Role.LINEAR:
-                free.append(Free(index, parameter.name, "plain", max(abs(value), 1e-12) * 1e-2))
-            elif parameter.lower >= 0.0:
-                free.append(Free(index, parameter.name, "log", 1e-4))
-            else:
-                free.append(Free(index, parameter.name, "plain", 1e-4 * max(1.0, abs(value))))
-    return free
-
-
-def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
-    """The free numbers of an axis."""
-    own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
-    numbers = []
-    for f in free:
-        values: Mapping[str, float] = own
-        if f.owner >= -1:
-            values = (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
-        value = values[f.name]
-        if f.kind == "cosine":
-            value = value * math.cos(values[f.phase])
-        elif f.kind == "sine":
-            value = value * math.sin(values[f.phase])
-        numbers.append(math.log(max(value, 1e-300)) if f.kind == "log" else value)
-    return np.array(numbers)
-
-
-def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
-    """The axis with those free numbers, each kept within its declared bounds."""
-    own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
-    law, effects = {}, [dict(item.values) for item in axis.effects]
-    cosine = 0.0
-    for f, number in zip(free, numbers, strict=True):
-        value = math.exp(min(max(number, -700.0), 700.0)) if f.kind == "log" else float(number)
-        if f.owner < -1:
-            own[f.name] = min(max(value, f.bounds[0]), f.bounds[1])
-        elif f.owner == -1:
-            law[f.name] = value
-        elif f.kind == "cosine":
-            cosine = value
-        elif f.kind == "sine":
-            effects[f.owner][f.name] = math.hypot(cosine, value)
-            effects[f.owner][f.phase] = math.atan2(value, cosine) % (2.0 * math.pi)
-        else:
-            effects[f.owner][f.name] = value
-    law = {name: _bounded(axis.friction.term.parameter(name), value) for name, value in law.items()}
-    items = tuple(
-        item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in values.items()})
-        for item, values in zip(axis.effects, effects, strict=True)
-    )
-    friction = axis.friction.replace(**law)
-    inertia, delay = own["inertia"], own["actuation_delay"]
-    return replace(axis, inertia=inertia, actuation_delay=delay, friction=friction, effects=items)
-
-
-def _bounded(parameter: Parameter, value: float) -> float:
-    return min(max(value, parameter.lower), parameter.upper)
 
 
 @dataclass(frozen=True)
@@ -432,7 +332,7 @@ class Balance:
                 damped = (normal + damping * np.diag(diagonal))[np.ix_(moving, moving)]
                 step = np.zeros(len(free))
                 step[moving] = -np.linalg.lstsq(damped, gradient[moving], rcond=None)[0]
-                step = _limited(step, free)
+                step = limited(step, free)
                 trial = put(axis, free, numbers + step)
                 trial_residual = self.residual(trial)
                 trial_white = self.whiten(trial_residual, calm)
@@ -482,20 +382,3 @@ def swinging(axis: Axis) -> list[Instance]:
 def rms(x: np.ndarray) -> float:
     """Root of the mean square; of nothing 0."""
     return math.sqrt(float(np.mean(x**2))) if len(x) else 0.0
-
-
-def at_bound(axis: Axis, free: Sequence[Free], k: int) -> int:
-    """Whether number k cannot grow (1), cannot shrink (-1) or is free to move (0)."""
-    numbers = get(axis, free)
-    for sign in (1, -1):
-        moved = numbers.copy()
-        moved[k] += sign * free[k].scale
-        if not sign * (get(put(axis, free, moved), free)[k] - numbers[k]) > 0.0:
-            return sign
-    return 0
-
-
-def _limited(step: np.ndarray, free: Sequence[Free]) -> np.ndarray:
-    """No positive number changes by more than a factor of 2 in one step."""
-    logs = np.array([f.kind == "log" for f in free])
-    return np.where(logs, np.clip(step, -0.7, 0.7), step)

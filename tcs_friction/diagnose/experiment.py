@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from tcs_friction.control.reference import reference_from_mapping
-from tcs_friction.diagnose.balance import Free, free_parameters, get, put
 from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.free import Free, free_parameters, get, put
 from tcs_friction.diagnose.limits import SLOW
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis

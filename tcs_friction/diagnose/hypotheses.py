@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcs_friction.diagnose.background import Background, probe, survey, unit_size
-from tcs_friction.diagnose.balance import Balance, pairs
+from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.free import pairs
 from tcs_friction.diagnose.matched import excess, local_scans, spectrum
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,29 +14,21 @@ from tcs_friction.diagnose.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.balance import Balance, Fit, rms
 from tcs_friction.diagnose.candidates import chance
 from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.coordinates import unit_of, values_of
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.diagnose.experiment import next_experiment
-from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.limits import barred, check_units, limits, passed_once
+from tcs_friction.diagnose.pictured import evidence_of, where
 from tcs_friction.diagnose.proof import free_run, usable_horizon
+from tcs_friction.diagnose.remains import Remains, mapped
 from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
 from tcs_friction.diagnose.selection import Rivals, Selection, contend, outstanding, select
 from tcs_friction.diagnose.statement import statement
-from tcs_friction.diagnose.structure import Structure, remaining_structure
-from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import effect
-from tcs_friction.physics.terms import Instance, Role, instance
+from tcs_friction.diagnose.structure import Structure
+from tcs_friction.physics.terms import Instance, Role
 from tcs_friction.recording.recording import Recording
 
 RETUNED = 1.05  # the believed residual over the retuned one from which parameters are called wrong
-CANCELLED = 0.4  # of the single effects' power that is left of them together
 REST = 0.1  # of the power that the named effects explain, from which what remains is the verdict
 FAR = 2.0  # noise floors, from which a residual is not noise whatever it looks like
-COMPLETE = 1.25  # times the noise floor, that a map leaves which explains all
-TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
-PLOTTED = 6000  # samples in pictures
-FOLDED = 4.0  # periods, from which an effect is drawn over one of them
 
 Progress = Callable[[float, str], None]
 
@@ -63,7 +55,7 @@ def diagnose(
     balance = Balance(data, file.axis.actuation_delay)
     tell(0.1, "retuning what the model has")
     impossible = barred(data, file.axis)
-    remains = _Remains(balance)
+    remains = Remains(balance)
     selection = select(balance, file.axis, tell, impossible, remains.are_hopeless)
     tell(0.75, "looking for structure that remains")
     plain = remains.is_plain_map(selection)
@@ -73,104 +65,9 @@ def diagnose(
     structure = remains.structure
     if not plain:
         contend(balance, selection, len(file.axis.effects), tell)
-    fit = selection.chosen if plain or structure is None else _mapped(balance, selection.chosen, structure)
+    fit = selection.chosen if plain or structure is None else mapped(balance, selection.chosen, structure)
     tell(0.92, "proving on held-out data")
     return _Judge(data, balance, file, selection, fit, structure).diagnosis()
-
-
-class _Remains:
-    """What the chosen effects of a selection leave, looked at once for every choice."""
-
-    def __init__(self, balance: Balance) -> None:
-        self.balance = balance
-        self.of: Fit | None = None
-        self.structure: Structure | None = None
-        self.plain = False
-
-    def is_plain_map(self, selection: Selection) -> bool:
-        """Whether a learned map on the retuned axis does as well as the chosen effects; then it is what is chosen."""
-        if selection.chosen is not self.of:
-            self._choose(selection, self._map(selection))
-        return self.plain
-
-    def are_hopeless(self, selection: Selection) -> bool:
-        """Whether further effects would be parts of a map: it leaves but noise, and what they leave is over its axes."""
-        found = self._map(selection)
-        if found is not None:
-            fit, plain = found
-            complete = self.balance.misfit(fit.axis) < COMPLETE**2
-            if not complete or self.structure is None or plain.coordinates != self.structure.coordinates:
-                self.balance.weigh(selection.chosen.axis)
-                return False
-        self._choose(selection, found)
-        return self.plain
-
-    def _map(self, selection: Selection) -> tuple[Fit, Structure] | None:
-        self.structure = remaining_structure(self.balance, selection.chosen)
-        return _plain_map(self.balance, selection, self.structure)
-
-    def _choose(self, selection: Selection, found: tuple[Fit, Structure] | None) -> None:
-        self.plain = found is not None
-        if found is None:
-            self.balance.weigh(selection.chosen.axis)
-        else:
-            selection.chosen, self.structure = found
-        self.of = selection.chosen
-
-
-def _plain_map(
-    balance: Balance, selection: Selection, structure: Structure | None
-) -> tuple[Fit, Structure] | None:
-    """A learned map on the retuned axis alone, where it does as well as the chosen effects; then none of them is named.
-
-    Physics outside the vocabulary makes parts of it look like effects, often large ones that cancel each other: only where
-    structure remains or the effects cancel is this asked.
-    """
-    fit, believed = selection.chosen, len(selection.retuned.axis.effects)
-    if len(fit.axis.effects) == believed:
-        return None
-    if structure is None and _cancellation(balance, fit, believed) > CANCELLED:
-        return None
-    best = fit if structure is None else _mapped(balance, fit, structure)
-    balance.estimate_noise(balance.residual(best.axis), best.axis.inertia)
-    plain = remaining_structure(balance, selection.retuned)
-    if plain is None or plain.table is None or len(plain.coordinates) < 2:
-        return None  # what depends on one coordinate alone has names in the vocabulary
-    alone = _mapped(balance, selection.retuned, plain)
-    spread = max(1.0, balance.squares(best.axis) / balance.effective_count)
-    lost = (balance.squares(alone.axis) - balance.squares(best.axis)) / spread
-    needed = chance(len(best.free) - len(alone.free), 1.0)
-    plainly = np.mean([balance.residual(x.axis)[balance.train] ** 2 for x in (alone, best)], axis=1)
-    if lost > max(needed, TIE * balance.effective_count) or plainly[0] > (1.0 + TIE) * plainly[1]:
-        return None
-    return alone, plain
-
-
-def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
-    """Power of the torque of all found effects together over the sum of their own; small where they cancel each other."""
-    full = balance.residual(fit.axis)
-    effects = fit.axis.effects
-
-    def torque(fewer: Axis) -> np.ndarray:
-        difference = balance.residual(fewer) - full
-        return difference - float(np.mean(difference))
-
-    together = torque(replace(fit.axis, effects=effects[:believed]))
-    single = [torque(fit.axis.without_effect(item)) for item in effects[believed:]]
-    return float(np.var(together)) / max(sum(float(np.var(x)) for x in single), 1e-300)
-
-
-def _mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
-    """The fit with the structure's table as a learned map, refitted; as it is where that explains no more."""
-    if structure.table is None:
-        return fit
-    axis = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
-    mapped = settle(balance, axis, rounds=1)
-    with_map, without = (rms(balance.residual(x.axis)[balance.train]) for x in (mapped, fit))
-    if with_map < without:
-        return mapped
-    balance.weigh(fit.axis)
-    return fit
 
 
 @dataclass(frozen=True)
@@ -211,7 +108,7 @@ class _Judge:
             next_experiment=self._experiment(found, floor),
             limits=lines,
             axis_file=self.file.with_axis(self.fit.axis),
-            evidence=self._evidence(residuals, located),
+            evidence=evidence_of(self.balance, self.selection, self.fit.axis, residuals, located),
         )
 
     def _vocabulary(self) -> list[Instance]:
@@ -273,7 +170,7 @@ class _Judge:
             equivalent=equivalent,
             probability=certainty / (1 + len(equivalent)),
             parameters=self._parameters(index, item),
-            where=_where(item, self.fit.axis),
+            where=where(item, self.fit.axis),
             torque_rms=rms(effect_torque),
             before=rms(before[held]),
             after=rms(after[held]),
@@ -310,70 +207,6 @@ class _Judge:
                 return experiment
         return None
 
-    def _evidence(self, residuals: Mapping[str, np.ndarray], located: Sequence[AtlasEntry]) -> Evidence:
-        t = self.data.joined("t")
-        step = max(1, len(t) // PLOTTED)
-        thin = slice(None, None, step)
-        looks = tuple(
-            Look(e.coordinate, e.unit, e.x, e.mean, e.band, e.share, e.p_value)
-            for e in located
-            if len(e.x) > 1
-        )
-        linear = self.file.axis.kind == "linear"
-        return Evidence(
-            t=t[thin],
-            believed=residuals["believed"][thin],
-            retuned=residuals["retuned"][thin],
-            improved=residuals["improved"][thin],
-            held_out=self.balance.held_out[thin],
-            atlas=looks,
-            isolated=tuple(self._isolated(item, residuals["improved"], thin) for item in self._vocabulary()),
-            learned=self._map(),
-            runners_up=self._runners_up(),
-            torque_unit="N" if linear else "N m",
-            position_unit="m" if linear else "rad",
-            notes=self.data.notes,
-        )
-
-    def _isolated(self, item: Instance, improved: np.ndarray, thin: slice) -> Isolated:
-        """What is left when all but this effect is taken away, against the effect's coordinate."""
-        left = self.balance.residual(self.fit.axis.without_effect(item))
-        coordinate = _drawn_over(item)
-        x, unit = values_of(self.data, coordinate), unit_of(coordinate, self.file.axis.kind)
-        period = _where(item, self.fit.axis)["period"]
-        if period is not None and np.ptp(x) > FOLDED * period:
-            coordinate, x = f"{coordinate}_within_a_period", x % period
-        return Isolated(item.term.id, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
-
-    def _map(self) -> Map | None:
-        """The learned map, to be drawn."""
-        table = next((item.table for item in self.fit.axis.effects if item.table is not None), None)
-        if table is None:
-            return None
-        units = tuple(unit_of(name, self.file.axis.kind) for name in table.coordinates)
-        return Map(table.coordinates, units, table.lower, table.upper, table.values)
-
-    def _runners_up(self) -> tuple[RunnerUp, ...]:
-        """Hypotheses that lost, with the reason."""
-        lost: dict[str, RunnerUp] = {}
-        chosen = {item.term.id for item in self.fit.axis.effects}
-        for rivals in self.selection.rivals:
-            for c in rivals.candidates:
-                name = c.name.split(":")[0]
-                if name in chosen or name in lost:
-                    continue
-                behind = rivals.gain - c.gain
-                lost[name] = RunnerUp(
-                    name, c.gain, f"explains {c.gain:.4g} of {rivals.gain:.4g}: {behind:.3g} behind"
-                )
-        for c in self.selection.rounds[-1] if self.selection.rounds else []:
-            name = c.name.split(":")[0]
-            if name not in chosen and name not in lost:
-                chance_gives = f"chance and smoothing may give {c.threshold:.3g}"
-                reason = "a learned map explains as much without it" if c.score > 0.0 else chance_gives
-                lost[name] = RunnerUp(name, c.gain, f"gains {c.gain:.3g}; {reason}")
-        return tuple(sorted(lost.values(), key=lambda r: -r.score)[:8])
-
 
 def _names(rivals: Rivals, name: str) -> bool:
     return any(c.name.split(":")[0] == name for c in rivals.candidates)
@@ -409,36 +242,6 @@ def _deviation(
     across = np.array([-math.sin(phase), math.cos(phase)]) / size
     direction = across if role is Role.PHASE else along
     return math.sqrt(max(float(direction @ block @ direction), 0.0))
-
-
-def _where(item: Instance, axis: Axis) -> dict[str, Any]:
-    """Coordinate, range, period and frequency at which the effect shows."""
-    where: dict[str, Any] = {
-        "coordinate": item.term.coordinate,
-        "range": None,
-        "period": None,
-        "frequency": None,
-    }
-    values = item.values
-    if item.term.coordinate == "exogenous":
-        where["coordinate"] = f"exogenous:{item.signal}"
-    if item.term.periodic == "position":
-        where["period"] = 2.0 * math.pi / (values["order"] * axis.cycle)
-    if "frequency" in values:
-        where["frequency"] = values["frequency"]
-    if item.term.local:
-        where["range"] = [values["centre"] - values["width"], values["centre"] + values["width"]]
-    if item.term.id == "load_step":
-        where["range"] = [values["time"], None]
-    return where
-
-
-def _drawn_over(item: Instance) -> str:
-    """The coordinate to draw an effect over."""
-    coordinate = {"direction": "velocity", "frequency": "time", "time_since_reversal": "time"}.get(
-        item.term.coordinate, item.term.coordinate
-    )
-    return f"exogenous:{item.signal}" if coordinate == "exogenous" else coordinate
 
 
 def _atlas_mapping(entry: AtlasEntry) -> dict[str, Any]:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.balance import Balance, free_parameters, get, put
+from tcs_friction.diagnose.balance import Balance
 from tcs_friction.diagnose.candidates import feeds_on_noise
 from tcs_friction.diagnose.condition import condition, low_pass
+from tcs_friction.diagnose.free import free_parameters, get, put
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import InputError

@@ -11,8 +11,9 @@ from scipy import stats
 from structure_cases import DT, Motion, Torque, axis, conditioned, settled
 
 from tcs_friction.diagnose.background import Background
-from tcs_friction.diagnose.balance import Balance, Fit, free_parameters
+from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.candidates import chance
+from tcs_friction.diagnose.free import free_parameters
 from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed, starts, together
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.selection import (

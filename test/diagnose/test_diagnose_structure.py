@@ -10,8 +10,8 @@ from structure_cases import DT, NOISE, Motion, Torque, coloured, conditioned, se
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.basis import Even, Hats, Odd, One, Product, Wave
 from tcs_friction.diagnose.coarse import Coarse, regress
+from tcs_friction.diagnose.remains import mapped
 from tcs_friction.diagnose.structure import Structure, remaining_structure
-from tcs_friction.diagnose.verdict import _mapped
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Table, instance
 
@@ -170,5 +170,5 @@ def test_a_map_that_makes_it_worse_is_not_taken() -> None:
     grid = np.linspace(q.min(), q.max(), 200)
     for sign in (1.0, -1.0):
         table = Table(("position",), (float(q.min()),), (float(q.max()),), sign * 2.0 * np.sin(3.0 * grid))
-        mapped = _mapped(balance, fit, Structure(("position",), 0.0, 1.4, 1.0, None, table))
-        assert (mapped is fit) == (sign < 0.0)
+        found = mapped(balance, fit, Structure(("position",), 0.0, 1.4, 1.0, None, table))
+        assert (found is fit) == (sign < 0.0)
