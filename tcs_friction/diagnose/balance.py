@@ -265,6 +265,13 @@ class Balance:
         frequency, power = self.noise_spectrum(self.residual(axis))
         return math.sqrt(float(np.trapezoid(power, frequency)))
 
+    def step_torque(self, axis: Axis) -> float:
+        """N m rms that the steps of a coarse encoder pretend through the inertia, if their error is evenly spread."""
+        frequency = np.linspace(0.0, self.data.cutoff, 257)
+        density = self.data.period * self.data.position_step**2 / 6.0
+        power = density * (axis.inertia * (2.0 * math.pi * frequency) ** 2) ** 2
+        return math.sqrt(float(np.trapezoid(power, frequency)))
+
     def misfit(self, axis: Axis) -> float:
         """Power of the residual over that of its noise, at least one: how far the best model is from all that could be known."""
         residual = self.residual(axis)

@@ -212,15 +212,40 @@ def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
 
 
 def implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
-    """Whether a fitted effect cannot be, or ended where it proposes nothing for such a recording."""
-    return impossible(balance, fit, index) or _out_of_reach(balance, axis, fit.axis.effects[index])
+    """Whether a fitted effect cannot be or be seen, or ended where it proposes nothing for such a recording."""
+    if impossible(balance, fit, index) or _unresolved(balance, fit, index):
+        return True
+    return _out_of_reach(balance, axis, fit.axis.effects[index])
 
 
 def impossible(balance: Balance, fit: Fit, index: int) -> bool:
     """Whether an effect is larger than any torque, or its own declaration warns of its values."""
-    item = fit.axis.effects[index]
-    own = balance.torque_residual(fit.axis.without_effect(item)) - balance.torque_residual(fit.axis)
+    item, own = fit.axis.effects[index], _own_torque(balance, fit, index)
     return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
+
+
+def _unresolved(balance: Balance, fit: Fit, index: int) -> bool:
+    """Whether the steps of a coarse encoder pretend a wave: what it moves the axis by is within half a step.
+
+    At steady speed the error of the steps repeats with time and position, and sampling makes it slow.
+    """
+    item, step = fit.axis.effects[index], balance.data.position_step
+    if not item.term.periodic or step == 0.0:
+        return False
+    if item.term.place is Place.SENSOR:
+        return max(abs(item.values[p.name]) for p in item.term.parameters if p.role is Role.LINEAR) < 0.5 * step
+    rate = 2.0 * math.pi * item.values[item.term.parameters[0].name]
+    if item.term.periodic == "position":
+        speed = float(np.median(np.abs(balance.data.joined("velocity")[balance.train])))
+        rate *= fit.axis.cycle * speed / (2.0 * math.pi)
+    size = math.sqrt(2.0) * rms(_own_torque(balance, fit, index)[balance.train])
+    return size < 0.5 * step * fit.axis.inertia * rate**2
+
+
+def _own_torque(balance: Balance, fit: Fit, index: int) -> np.ndarray:
+    """Torque (n,) that a fitted effect adds, N m."""
+    fewer = fit.axis.without_effect(fit.axis.effects[index])
+    return balance.torque_residual(fewer) - balance.torque_residual(fit.axis)
 
 
 def _out_of_reach(balance: Balance, axis: Axis, item: Instance) -> bool:

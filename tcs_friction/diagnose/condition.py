@@ -33,6 +33,9 @@ RINGING = 2.0  # s of zeros after a series, in which a filter may ring out
 CLEAR = 5.0  # power over that of the position's noise that counts as a signal
 HIGHEST = 0.2  # of the sampling rate, cutoff
 SPACING = 0.95  # quantile of the time between samples, within which a line through them must do
+SAME_POSITION = 1e-12  # of the travel: positions that differ by less are the same
+UNEVEN, MOST_WHOLE = 0.01, 0.99  # by which a multiple of a step may miss, share of differences that must be multiples
+BLURRED = 0.5  # of a step, noise that leaves less than a hundredth of its waves
 HELD_OUT = 0.25  # share of the data
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 BLOCKS = 16  # at most, that a lone recording is cut into to hold some out
@@ -64,7 +67,7 @@ class Conditioned:
     cutoff: up to which torques are compared, Hz; the motion's band is WIDE times as wide. period: of the recording, s.
     dt: s between samples that are compared, every `stride`-th that is evaluated.
     velocity_noise: rad/s rms left in the velocity.
-    position_noise: rad rms before filtering.
+    position_noise: rad rms before filtering. position_step: of the encoder, rad, where no noise blurs it, else 0.
     names: of the exogenous signals. notes: what was found and done, one line each.
     """
 
@@ -75,6 +78,7 @@ class Conditioned:
     cutoff: float
     velocity_noise: float
     position_noise: float
+    position_step: float
     names: tuple[str, ...]
     temperature: bool
     notes: tuple[str, ...]
@@ -153,6 +157,16 @@ def choose_cutoff(position: np.ndarray, dt: float) -> tuple[float, float]:
     return float(np.clip(cutoff, lowest, HIGHEST / dt)), math.sqrt(floor * 0.5 / dt)
 
 
+def step_of(position: np.ndarray) -> float:
+    """The step (rad) of which differences of positions (n,) are multiples, as a coarse encoder's are; 0 if there is none."""
+    values = np.unique(position)
+    steps = np.diff(values)
+    steps = steps[steps > SAME_POSITION * (values[-1] - values[0])]
+    multiples = steps / steps.min()
+    whole = np.abs(multiples - np.round(multiples)) < UNEVEN
+    return float(steps.min()) if np.mean(whole) > MOST_WHOLE else 0.0
+
+
 def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditioned:
     """Put recordings onto a common filtered time base and cut off the held-out data.
 
@@ -209,6 +223,10 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
         gap = ndimage.binary_dilation(mask, iterations=edge) if mask.any() else mask
         stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask, piece=block))
     temperature = all(r.temperature is not None for r in recordings)
+    step_size = max(step_of(r.position) for r in recordings)
+    step_size = step_size if noise < BLURRED * step_size else 0.0
+    if step_size > 0.0:
+        notes.append(f"the encoder's steps of {step_size:.3g} show: waves within half a step are not named")
     return Conditioned(
         tuple(stretches),
         dt,
@@ -217,6 +235,7 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
         cutoff,
         velocity_noise,
         noise,
+        step_size,
         names,
         temperature,
         tuple(notes),

@@ -137,8 +137,14 @@ class _Judge:
         return "parameters" if gain > needed and worse else "match"
 
     def _unexplained(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
-        """Structure that remains; where none is found, a residual far above the noise is structure in time."""
+        """Structure that remains; where none is found, a residual far above the noise is structure in time.
+
+        What a coarse encoder's steps may pretend, louder in slow motion than in fast, is none.
+        """
         s = self.structure
+        in_time = s is None or s.coordinates == ("time",)
+        if in_time and errors["improved"].train < FAR * self.balance.step_torque(self.fit.axis):
+            return Unexplained()
         rest = math.sqrt(max(errors["improved"].train ** 2 - floor**2, 0.0))
         if s is None and errors["improved"].train < FAR * floor:
             return Unexplained()

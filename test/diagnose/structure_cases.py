@@ -84,6 +84,7 @@ def conditioned(
         cutoff=0.45 / DT,
         velocity_noise=1e-6,
         position_noise=1e-8,
+        position_step=0.0,
         names=("wind_speed",),
         temperature=True,
         notes=(),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.balance import Balance
 from tcs_friction.diagnose.candidates import feeds_on_noise
-from tcs_friction.diagnose.condition import condition, low_pass
+from tcs_friction.diagnose.condition import condition, low_pass, step_of
 from tcs_friction.diagnose.free import free_parameters, get, put
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.verdict import diagnose
@@ -99,6 +101,13 @@ def test_only_effects_that_feed_on_noise_have_to_be_material() -> None:
     assert not feeds_on_noise(effect("coulomb_asymmetry"))
     assert not feeds_on_noise(effect("torque_ripple"))
     assert not feeds_on_noise(effect("cogging"))
+
+
+def test_the_step_of_a_coarse_encoder_is_found() -> None:
+    position = 1.0 + np.cumsum(np.random.default_rng(0).uniform(-1e-5, 3e-5, 20_000))
+    assert step_of(position) == 0.0
+    assert step_of(2e-6 * np.round(position / 2e-6)) == pytest.approx(2e-6, rel=1e-6)
+    assert step_of(np.array([0.0, 2.0 * math.pi / 4096, 2.0 * math.pi / 1024])) == pytest.approx(2.0 * math.pi / 4096)
 
 
 def test_a_recording_without_motion_is_refused() -> None:

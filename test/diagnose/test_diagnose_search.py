@@ -14,6 +14,7 @@ from structure_cases import DT, axis, conditioned, settled
 from tcs_friction.diagnose import side_by_side
 from tcs_friction.diagnose.background import Background, survey
 from tcs_friction.diagnose.balance import Balance, Fit
+from tcs_friction.diagnose.candidates import implausible
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.hypotheses import starts
 from tcs_friction.diagnose.joint import settle
@@ -173,6 +174,25 @@ def test_an_encoder_error_too_fast_for_the_samples_is_none() -> None:
         true = np.empty_like(measured)
         machine.true_motion(machine.build(axis(), step, terms=[item]), step, measured, true)
         assert np.ptp((true - measured)[0, 10:]) == pytest.approx(2.0 * error, rel=0.01, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "moved"),
+    [
+        ("encoder_periodic_error", {"order": 40.0, "amplitude": 1e-3, "phase": 0.0}, 1e-3),
+        ("periodic_vibration", {"frequency": 8.0, "amplitude": 2.0, "phase": 0.0}, 2.0 / (900.0 * (16.0 * math.pi) ** 2)),
+    ],
+)
+def test_a_wave_within_the_steps_of_a_coarse_encoder_is_not_named(
+    name: str, values: dict[str, float], moved: float
+) -> None:
+    """What the steps leave repeats with time and position, too."""
+    item = instance(effect(name), values)
+    balance, fit = settled(conditioned(np.random.default_rng(5)))
+    with_wave = balance.fit(fit.axis.with_effect(item), [], iterations=0)
+    for step, seen in ((0.0, True), (1.8 * moved, True), (2.2 * moved, False)):
+        balance.data = replace(balance.data, position_step=step)
+        assert implausible(balance, fit.axis, with_wave, len(fit.axis.effects)) is not seen
 
 
 def test_noise_of_the_torque_is_no_load_dependence() -> None:
