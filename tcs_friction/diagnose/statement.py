@@ -18,8 +18,9 @@ def statement(
     noise_floor: float,
     limits: Sequence[str],
     kind: str,
+    mapped: bool = False,
 ) -> str:
-    """What was found, how much it matters, how well it is proven, what the data cannot say."""
+    """What was found, how much it matters, how well it is proven, what the data cannot say; `mapped`: with a learned map."""
     unit = "N m" if kind == "rotary" else "N"
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
     floor = f"noise floor {noise_floor:.3g} {unit}"
@@ -43,7 +44,11 @@ def statement(
         else:
             text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
             text += f", beside {names}" if names else ""
-            text += f"; with a learned map {gain}: look at what changes with {over}."
+            if mapped or effects:
+                text += f"; with {'a learned map' if mapped else 'what is named'} {gain}"
+            else:
+                text += f", which no map predicts; the held-out residual stays at {held['improved']} {unit} ({floor})"
+            text += f": look at what changes with {over}."
     cancel = effect_words([f for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)])
     if cancel:
         text += f" A feed-forward compensator can cancel {listed(cancel)}."

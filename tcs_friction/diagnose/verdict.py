@@ -95,7 +95,7 @@ class _Judge:
         lines = (*limits(self.data, self.file.axis), *passed_once(self.data, self._vocabulary()))
         return Diagnosis(
             verdict=verdict,
-            statement=statement(verdict, found, unexplained, errors, floor, lines, self.file.axis.kind),
+            statement=statement(verdict, found, unexplained, errors, floor, lines, self.fit.axis.kind, self._is_mapped()),
             effects=found,
             unexplained=unexplained,
             noise_floor=floor,
@@ -110,6 +110,9 @@ class _Judge:
             axis_file=self.file.with_axis(self.fit.axis),
             evidence=evidence_of(self.balance, self.selection, self.fit.axis, residuals, located),
         )
+
+    def _is_mapped(self) -> bool:
+        return len(self._vocabulary()) < len(self.fit.axis.effects)
 
     def _vocabulary(self) -> list[Instance]:
         """Effects of the improved axis without the learned map."""

@@ -111,7 +111,8 @@ class Parameter:
 
     def unit_for(self, kind: str) -> str:
         """Unit on an axis of this kind ("rotary" or "linear")."""
-        return self.unit if kind == "rotary" else linear_unit(self.unit)
+        angle = self.role is Role.PHASE
+        return self.unit if kind == "rotary" or angle else linear_unit(self.unit)
 
     def check(self, value: object, where: str) -> float:
         """The value as a float.

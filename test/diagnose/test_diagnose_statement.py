@@ -16,9 +16,9 @@ def found(name: str, **values: float) -> Found:
     return Found(item, (), 1.0, given, {}, 0.7, 2.0, 0.5, -100.0)
 
 
-def said(*effects: Found, verdict: str = "missing_physics") -> str:
+def said(*effects: Found, verdict: str = "missing_physics", mapped: bool = False) -> str:
     where = Unexplained(verdict == "unexplained", 0.4, {"coordinates": ["position", "time"]})
-    return statement(verdict, effects, where, ERRORS, 0.45, (), "rotary")
+    return statement(verdict, effects, where, ERRORS, 0.45, (), "rotary", mapped)
 
 
 def test_two_orders_of_one_effect_are_two_effects_and_one_remedy() -> None:
@@ -36,6 +36,14 @@ def test_more_than_three_effects_are_not_all_spelled_out() -> None:
 
 
 def test_without_a_name_it_says_where_to_look() -> None:
-    text = said(verdict="unexplained")
-    assert "remains, 0.4 N m rms over position and time; with a learned map" in text
+    text = said(verdict="unexplained", mapped=True)
+    assert "remains, 0.4 N m rms over position and time; with a learned map the held-out residual falls" in text
+    assert text.endswith("look at what changes with position and time.")
     assert "compensator" not in text
+
+
+def test_without_a_map_it_claims_none() -> None:
+    text = said(verdict="unexplained")
+    assert "over position and time, which no map predicts; the held-out residual stays at 0.5 N m" in text
+    named = said(found("torque_bias", bias=3.0), verdict="unexplained")
+    assert "beside torque bias (bias 3 N m; 0.7 N m rms); with what is named the held-out residual falls" in named

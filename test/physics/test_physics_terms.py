@@ -11,7 +11,7 @@ from physics_cases import LUGRE, TABLE, plain
 from tcs_friction.errors import InputError
 from tcs_friction.physics import terms
 from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import Parameter, Table, geometric, instance, linear_unit, no_scan
+from tcs_friction.physics.terms import Parameter, Role, Table, geometric, instance, linear_unit, no_scan
 
 COGGING = {"order": 72.0, "amplitude": 2.0}
 
@@ -44,6 +44,10 @@ def test_units_of_a_linear_axis(rotary: str, linear: str) -> None:
     assert linear_unit(rotary) == linear
     assert Parameter("p", rotary, "").unit_for("linear") == linear
     assert Parameter("p", rotary, "").unit_for("rotary") == rotary
+
+
+def test_a_phase_is_an_angle_on_any_axis() -> None:
+    assert Parameter("phase", "rad", "", role=Role.PHASE).unit_for("linear") == "rad"
 
 
 def test_unknown_parameter_names_the_nearest() -> None:
