@@ -140,7 +140,7 @@ def test_scatter_is_that_of_a_mean_of_axes() -> None:
 def test_intervals_without_predictions_hold_what_smoothing_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """Smoothing moves the jumps of this friction, and the fit of torques by several times its scatter."""
     monkeypatch.setattr(identification, "sharpen", lambda *_: None)
-    found, _ = accuracy.trials(1, 1, 60.0, "reset_integrator")
+    found, _ = accuracy.trials(1, 1, 48.0, "reset_integrator")
     every = np.vstack(list(found.values()))
     assert len(every) == len(found)
     assert np.abs(every[:, 0] / every[:, 1]).max() < 4.0
@@ -148,9 +148,9 @@ def test_intervals_without_predictions_hold_what_smoothing_does(monkeypatch: pyt
 
 def test_friction_that_jumps_is_predicted_between_its_jumps() -> None:
     """The bond lets go within a sample at every reversal. A fit of torques misses this inertia by some 10 %."""
-    found, _ = accuracy.trials(2, 1, 60.0, "reset_integrator")
+    found, _ = accuracy.trials(1, 1, 48.0, "reset_integrator")
     every = np.vstack(list(found.values()))
-    assert len(every) == 2 * len(found)
+    assert len(every) == len(found)
     assert np.abs(every[:, 0] / every[:, 1]).max() < 4.0
     assert np.abs(found["inertia"][:, 0] / found["inertia"][:, 3]).max() < 0.04
 
@@ -200,14 +200,14 @@ def test_derivatives_of_predictions_are_those_of_their_errors(
         assert np.linalg.norm(apart - columns[:, k]) < 0.05 * np.linalg.norm(columns[:, k])
 
 
-@pytest.mark.parametrize(("name", "inertia"), [("coulomb_viscous", 0.05), ("stribeck_static", 0.05)])
-def test_laws_without_memory_are_predicted_while_they_slide(name: str, inertia: float) -> None:
+@pytest.mark.parametrize(("name", "axes"), [("coulomb_viscous", 2), ("stribeck_static", 1)])
+def test_laws_without_memory_are_predicted_while_they_slide(name: str, axes: int) -> None:
     """Fits of torques miss the inertia of these axes by 60 to 100 %, for they stick at every reversal."""
-    found, _ = accuracy.trials(2, 1, 48.0, name)
+    found, _ = accuracy.trials(axes, 1, 48.0, name)
     every = np.vstack(list(found.values()))
     assert accuracy.coverage(every) >= 0.75
     assert np.abs(every[:, 0] / every[:, 1]).max() < 4.0
-    assert np.abs(found["inertia"][:, 0] / found["inertia"][:, 3]).max() < inertia
+    assert np.abs(found["inertia"][:, 0] / found["inertia"][:, 3]).max() < 0.05
 
 
 def test_a_late_log_is_found_and_does_no_harm() -> None:
