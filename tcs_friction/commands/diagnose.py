@@ -14,6 +14,7 @@ from pathlib import Path
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis
+from tcs_friction.diagnose.coordinates import unit_of
 from tcs_friction.diagnose.result import Diagnosis
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import InputError
@@ -75,8 +76,7 @@ def _progress(share: float, stage: str) -> None:
 def summary(found: Diagnosis) -> str:
     """The statement and the numbers behind it, for a terminal."""
     content = found.to_mapping()
-    unit = "N m" if found.axis_file.axis.kind == "rotary" else "N"
-    position = "rad" if found.axis_file.axis.kind == "rotary" else "m"
+    unit, position = (unit_of(name, found.axis_file.axis.kind) for name in ("torque", "position"))
     lines = [f"{content['verdict']}: {content['statement']}"]
     for entry in content["effects"]:
         values = ", ".join(f"{name} {p['value']:.5g} {p.get('unit') or ''}".rstrip() for name, p in entry["parameters"].items())

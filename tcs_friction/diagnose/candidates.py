@@ -234,10 +234,10 @@ def _unresolved(balance: Balance, fit: Fit, index: int) -> bool:
         return False
     if item.term.place is Place.SENSOR:
         return max(abs(item.values[p.name]) for p in item.term.parameters if p.role is Role.LINEAR) < 0.5 * step
-    rate = 2.0 * math.pi * item.values[item.term.parameters[0].name]
+    phase_rate = 2.0 * math.pi
     if item.term.periodic == "position":
-        speed = float(np.median(np.abs(balance.data.joined("velocity")[balance.train])))
-        rate *= fit.axis.cycle * speed / (2.0 * math.pi)
+        phase_rate = fit.axis.cycle * float(np.median(np.abs(balance.data.joined("velocity")[balance.train])))
+    rate = phase_rate * item.values[item.term.parameters[0].name]
     size = math.sqrt(2.0) * rms(_own_torque(balance, fit, index)[balance.train])
     return size < 0.5 * step * fit.axis.inertia * rate**2
 

@@ -19,7 +19,7 @@ from tcs_friction.diagnose.balance import Balance
 RATE = 20.0  # chunks per second at most
 MOST_CHUNKS = 40_000
 KNEE = 0.3  # of the highest slow frequency: noise is taken to be flat below
-LEEWAY = 1.2  # by which noise power below the knee may exceed that
+LEEWAY = 1.2  # by which noise power may exceed what it is taken to be
 ORDER = 10  # of the whitening filter, chunks
 
 

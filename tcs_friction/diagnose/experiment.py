@@ -17,6 +17,7 @@ import yaml
 
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.coordinates import unit_of
 from tcs_friction.diagnose.free import Free, free_parameters, get, put
 from tcs_friction.diagnose.limits import SLOW
 from tcs_friction.physics import machine
@@ -63,7 +64,7 @@ def next_experiment(
     best = max(found, key=lambda p: p.difference)
     if best.difference < max(MATERIAL * own, 0.3 * noise_floor):
         return None
-    unit = "N m" if axis.kind == "rotary" else "N"
+    unit = unit_of("torque", axis.kind)
     why = f"{best.words}: {a.term.id} and {b.term.id} then differ by {best.difference:.3g} {unit} rms that no retuning absorbs"
     return {
         "reference": dict(best.reference),

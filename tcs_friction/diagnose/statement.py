@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from tcs_friction.diagnose.coordinates import unit_of
 from tcs_friction.diagnose.result import Errors, Found, Unexplained
 from tcs_friction.physics.terms import Place, Role
 
@@ -21,7 +22,7 @@ def statement(
     mapped: bool = False,
 ) -> str:
     """What was found, how much it matters, how well it is proven, what the data cannot say; `mapped`: with a learned map."""
-    unit = "N m" if kind == "rotary" else "N"
+    unit = unit_of("torque", kind)
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
     floor = f"noise floor {noise_floor:.3g} {unit}"
     if verdict == "match":

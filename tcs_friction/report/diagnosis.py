@@ -41,7 +41,7 @@ from tcs_friction.report.html import (
     table,
     write_page,
 )
-from tcs_friction.report.numbers import NO_BREAK, interval, with_error
+from tcs_friction.report.numbers import interval, unbroken, with_error
 
 SIGNIFICANT = 0.01
 """p-value below which the atlas calls a coordinate one where the residual lives."""
@@ -134,7 +134,7 @@ def _draw_look(axes: Axes, look: Look, torque_unit: str) -> None:
         axes.plot(look.x, look.mean, color=color)
     name = _plain(look.coordinate)
     height = f"; height in {torque_unit}/√Hz" if name == "frequency" else ""
-    axes.set_xlabel((f"{name} ({look.unit})" if look.unit else name) + height)
+    axes.set_xlabel(_labelled(look.coordinate, look.unit) + height)
     axes.set_title(f"{name}: {_percent(look.share)}" if here else f"{name}: chance", color=color)
 
 
@@ -194,8 +194,7 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
         line(axes, item.x[order], item.fitted[order], IMPROVED, f"{item.effect}, fitted", lw=1.8)
         spread = 1.4 * np.percentile(np.abs(item.residual), 99.5)
         axes.set_ylim(-spread, spread)
-        name = _plain(item.coordinate)
-        label(axes, f"{name} ({item.unit})" if item.unit else name, f"torque ({evidence.torque_unit})")
+        label(axes, _labelled(item.coordinate, item.unit), f"torque ({evidence.torque_unit})")
         legend(axes)
         return figure
 
@@ -210,10 +209,7 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
 def draw_map(learned: Map, torque_unit: str) -> Figure:
     """A curve over one coordinate, colours over two."""
     figure, (axes,) = panels(height=3.2)
-    names = [
-        f"{_plain(name)} ({unit})" if unit else _plain(name)
-        for name, unit in zip(learned.coordinates, learned.units, strict=True)
-    ]
+    names = list(map(_labelled, learned.coordinates, learned.units))
     nodes = [
         np.linspace(low, high, count)
         for low, high, count in zip(learned.lower, learned.upper, learned.values.shape, strict=True)
@@ -235,6 +231,11 @@ def draw_map(learned: Map, torque_unit: str) -> Figure:
 def _plain(coordinate: str) -> str:
     """A coordinate's name in words."""
     return coordinate.removeprefix("exogenous:").replace("_", " ")
+
+
+def _labelled(coordinate: str, unit: str) -> str:
+    """A coordinate's name in words, with its unit if it has one."""
+    return f"{_plain(coordinate)} ({unit})" if unit else _plain(coordinate)
 
 
 def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
@@ -291,7 +292,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         ]
         for name, words in models
     ]
-    unit = evidence.torque_unit.replace(" ", NO_BREAK)
+    unit = unbroken(evidence.torque_unit)
     horizon = free.get("horizon")
     after = f", rms over {horizon:g} s" if horizon else ""
     head = [
@@ -311,7 +312,7 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     rows: list[Sequence[str | Cell]] = []
     for entry in diagnosis["effects"]:
         values = "; ".join(
-            f"{name} {with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip().replace(" ", NO_BREAK)
+            unbroken(f"{name} {with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip())
             for name, p in entry["parameters"].items()
         )
         rows.append(
@@ -328,7 +329,7 @@ def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         "effect",
         "parameters",
         "look at",
-        f"rms, {evidence.torque_unit}".replace(" ", NO_BREAK),
+        unbroken(f"rms, {evidence.torque_unit}"),
         "probability",
         "cannot be told from",
     ]

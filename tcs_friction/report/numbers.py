@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-NO_BREAK = "\N{NO-BREAK SPACE}"
+
+def unbroken(words: str) -> str:
+    """The same words on one line, wherever a page would break it."""
+    return words.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def interval(lower: float, upper: float, unit: str) -> str:

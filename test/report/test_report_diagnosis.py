@@ -11,7 +11,7 @@ import pytest
 
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.report.diagnosis import write_report
-from tcs_friction.report.numbers import NO_BREAK
+from tcs_friction.report.numbers import unbroken
 
 RANDOM = np.random.default_rng(0)
 T = np.linspace(0.0, 60.0, 3000)
@@ -117,7 +117,7 @@ def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence,
     for words in (
         "The motor cogs 72 times a turn.",
         "physics is missing",
-        "order 72.001 ± 0.012 1/turn".replace(" ", NO_BREAK),
+        unbroken("order 72.001 ± 0.012 1/turn"),
         "torque_ripple",
         "needs a torque that &lt;changes&gt;",
         "0.000 to 0.300 rad/s",
