@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -24,8 +23,6 @@ from tcs_friction.nodes.executor import make_executor
 from tcs_friction.nodes.player import Pace, PlayerNode
 from tcs_friction.recording.encode import encoded
 from tcs_friction.recording.write import EPOCH, write_bag
-
-DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 
 
 class Listener:
@@ -66,7 +63,7 @@ def play(tmp_path: Path) -> Iterator[Callable[..., Any]]:
 
     def start(*parameters: str) -> tuple[Any, Listener, Callable[..., bool]]:
         words = [word for parameter in (f"bag:={tmp_path / 'bag'}", *parameters) for word in ("-p", parameter)]
-        rclpy.init(args=["--ros-args", *words], domain_id=DOMAIN)
+        rclpy.init(args=["--ros-args", *words])
         listener = Listener()
         nodes.append(listener.node)
         player = PlayerNode(at_end=listener.ended.set)
@@ -158,7 +155,7 @@ def test_what_cannot_be_played_is_one_line(play: Any) -> None:
 
 
 def test_no_bag_is_one_line() -> None:
-    rclpy.init(args=[], domain_id=DOMAIN)
+    rclpy.init(args=[])
     try:
         with pytest.raises(InputError, match="parameter bag: is empty"):
             PlayerNode()

@@ -37,7 +37,6 @@ from tcs_friction.nodes.recorder import RecorderNode
 from tcs_friction.recording.bags import Bag, read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
-DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 ROOT = Path(__file__).resolve().parents[2]
 SIGNALS = SignalMap(
     SignalSource("/azimuth/joint_states", "position", "azimuth"), SignalSource("/azimuth/joint_states", "effort", "azimuth")
@@ -50,7 +49,7 @@ def graph() -> Iterator[Callable[..., Any]]:
     made: list[Any] = []
 
     def start(arguments: list[str], *factories: Callable[[], Any]) -> tuple[list[Any], Callable[..., bool]]:
-        rclpy.init(args=["--ros-args", *arguments], domain_id=DOMAIN)
+        rclpy.init(args=["--ros-args", *arguments])
         executor = make_executor()
         for factory in factories:
             made.append(factory())
@@ -128,7 +127,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_second(graph: Any, tmp_path: 
     states = node.create_publisher(JointState, "/killed/joint_states", 1000)
     program = "import sys; from tcs_friction.nodes.recorder import main; sys.exit(main())"
     arguments = ["--ros-args", "-p", f"bag:={bag}", "-p", "topics:=/killed/joint_states"]
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN), "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
     with subprocess.Popen([sys.executable, "-c", program, *arguments], env=environment, stderr=subprocess.DEVNULL) as process:
         try:
             begin = time.monotonic()
