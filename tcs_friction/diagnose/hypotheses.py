@@ -220,7 +220,8 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
     if not len(grid):
         return []
     name = term.parameters[0].name
-    spread = excess(grid, score) if term.periodic == "time" else np.ones(len(score))
+    in_time = term.periodic == "time"
+    spread = excess(background, term, view, grid, score) if in_time else np.ones(len(score))
     tries: list[int] = []
     spacing = 3
     for index in np.argsort(score / spread)[::-1]:

@@ -18,6 +18,7 @@ from tcs_friction.physics.terms import Place, Role, Survey, Term
 PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
+LINES, SPREAD = 3, 2.0  # of a spectrum, at most, that are taken out where its noise seems larger than that, times its estimate
 
 
 def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarray, np.ndarray, float]:
@@ -28,7 +29,7 @@ def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarr
     balance = background.balance
     y = balance.unwhiten(background.white)
     if term.periodic == "time":
-        return _time_spectrum(background, y, view)
+        return _time_spectrum(balance, y, view)
     cycle = background.axis.cycle
     position = balance.data.joined("position") * cycle
     speed = np.abs(balance.data.joined("velocity")) * cycle
@@ -103,10 +104,7 @@ def _local_norm(balance: Balance, carrier: np.ndarray, speed: np.ndarray, grid: 
     return np.maximum(norm, max(1e-3 * float(norm.max()), 1e-300))
 
 
-def _time_spectrum(
-    background: Background, y: np.ndarray, view: Survey
-) -> tuple[np.ndarray, np.ndarray, float]:
-    balance = background.balance
+def _time_spectrum(balance: Balance, y: np.ndarray, view: Survey) -> tuple[np.ndarray, np.ndarray, float]:
     t = balance.data.joined("t")
     dt = balance.data.dt
     count = round((t.max() - t.min()) / dt) + 1
@@ -121,11 +119,27 @@ def _time_spectrum(
     return grid[chosen], 2.0 * sums / np.maximum(norm, 1e-300), 2.0 * view.duration * view.cutoff
 
 
-def excess(grid: np.ndarray, score: np.ndarray) -> np.ndarray:
-    """Running median of a spectrum of gains over what its chi-squared of two would have, at least one.
+def excess(background: Background, term: Term, view: Survey, grid: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """By how much chance gives more near each frequency (m,) than the noise estimate says, at least one.
 
-    A noise spectrum that is too smooth for a narrow resonance of the noise shows here; a line and its side lobes are narrower.
+    A noise spectrum that is too smooth for a narrow resonance of the noise shows here. So would a strong line, which the gaps of
+    held-out data spread over its neighbourhood: lines are taken out first.
     """
+    found, lines = _excess(grid, score), np.empty((len(background.white), 0))
+    for _ in range(LINES):
+        strongest = int(np.argmax(score)) if len(score) else 0
+        if not len(score) or found[strongest] < SPREAD:
+            break
+        line = background.columns(probe(term, {term.parameters[0].name: float(grid[strongest])}, None, 1.0))
+        lines = np.linalg.qr(np.hstack([lines, line]))[0]
+        rest = background.white - lines @ (lines.T @ background.white)
+        score = _time_spectrum(background.balance, background.balance.unwhiten(rest), view)[1]
+        found = _excess(grid, score)
+    return found
+
+
+def _excess(grid: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Running median of a spectrum of gains over what its chi-squared of two would have, at least one."""
     width = max(round(EXCESS_WIDTH / (grid[1] - grid[0])), 101) if len(grid) > 1 else 1
     return np.asarray(
         np.maximum(ndimage.median_filter(score, width, mode="nearest") / (2.0 * math.log(2.0)), 1.0)

@@ -12,7 +12,7 @@ from scipy import ndimage
 from structure_cases import DT, axis, conditioned, settled
 
 from tcs_friction.diagnose import side_by_side
-from tcs_friction.diagnose.background import Background, survey
+from tcs_friction.diagnose.background import Background, probe, survey
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.candidates import implausible
 from tcs_friction.diagnose.condition import Conditioned
@@ -163,6 +163,20 @@ def test_a_wave_is_found_at_its_order_and_not_at_one_that_samples_pretend() -> N
     assert gain[abs(grid - pretended) < 10.0].max() < 0.1 * gain.max()
     item = instance(effect("cogging"), {"order": pretended, "amplitude": 2.0, "phase": 0.0})
     assert np.std(background.column(item)[np.abs(data.joined("velocity")) == speed]) < 0.1
+
+
+@pytest.mark.parametrize("lines", [(11.3,), (11.3, 12.1), tuple(np.arange(10.0, 13.0, 0.1))])
+def test_a_strong_line_is_not_taken_for_noise(lines: tuple[float, ...]) -> None:
+    """Gaps of held-out data spread it over its neighbourhood; a resonance of the noise, which is many lines, is noise."""
+    term = effect("periodic_vibration")
+    balance, fit = settled(conditioned(np.random.default_rng(5), seconds=12.0))
+    background = Background(balance, fit.axis, fit.free)
+    for line in lines:
+        column = background.columns(probe(term, {"frequency": line}, None, 1.0))[:, 0]
+        background.white = background.white + 60.0 * column / np.linalg.norm(column) * math.cos(9.0 * line**2)
+    start = starts(background, term, None)[0]
+    assert start.gain > 1000.0
+    assert start.excess < 2.0 if len(lines) < 3 else start.excess > 100.0
 
 
 def test_an_encoder_error_too_fast_for_the_samples_is_none() -> None:
