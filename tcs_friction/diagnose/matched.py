@@ -18,7 +18,7 @@ from tcs_friction.physics.terms import Place, Role, Survey, Term
 PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
-LINES, SPREAD = 3, 2.0  # of a spectrum, at most, that are taken out where its noise seems larger than that, times its estimate
+SPREAD = 2.0  # times the noise estimate, from which a strong line is looked at as a cause of what is beside it
 
 
 def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarray, np.ndarray, float]:
@@ -122,20 +122,17 @@ def _time_spectrum(balance: Balance, y: np.ndarray, view: Survey) -> tuple[np.nd
 def excess(background: Background, term: Term, view: Survey, grid: np.ndarray, score: np.ndarray) -> np.ndarray:
     """By how much chance gives more near each frequency (m,) than the noise estimate says, at least one.
 
-    A noise spectrum that is too smooth for a narrow resonance of the noise shows here. So would a strong line, which the gaps of
-    held-out data spread over its neighbourhood: lines are taken out first.
+    A noise spectrum that is too smooth for a narrow resonance of the noise shows here, and a wave that is none over time. So
+    would a strong line, which the gaps of held-out data spread over its neighbourhood: the strongest is taken out first.
     """
-    found, lines = _excess(grid, score), np.empty((len(background.white), 0))
-    for _ in range(LINES):
-        strongest = int(np.argmax(score)) if len(score) else 0
-        if not len(score) or found[strongest] < SPREAD:
-            break
-        line = background.columns(probe(term, {term.parameters[0].name: float(grid[strongest])}, None, 1.0))
-        lines = np.linalg.qr(np.hstack([lines, line]))[0]
-        rest = background.white - lines @ (lines.T @ background.white)
-        score = _time_spectrum(background.balance, background.balance.unwhiten(rest), view)[1]
-        found = _excess(grid, score)
-    return found
+    found = _excess(grid, score)
+    strongest = int(np.argmax(score)) if len(score) else 0
+    if not len(score) or found[strongest] < SPREAD:
+        return found
+    line = background.columns(probe(term, {term.parameters[0].name: float(grid[strongest])}, None, 1.0))
+    line = np.linalg.qr(line)[0]
+    rest = background.balance.unwhiten(background.white - line @ (line.T @ background.white))
+    return _excess(grid, _time_spectrum(background.balance, rest, view)[1])
 
 
 def _excess(grid: np.ndarray, score: np.ndarray) -> np.ndarray:

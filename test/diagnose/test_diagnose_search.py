@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import ndimage
-from structure_cases import DT, axis, conditioned, settled
+from structure_cases import DT, Motion, axis, conditioned, settled
 
 from tcs_friction.diagnose import side_by_side
 from tcs_friction.diagnose.background import Background, probe, survey
@@ -165,7 +165,7 @@ def test_a_wave_is_found_at_its_order_and_not_at_one_that_samples_pretend() -> N
     assert np.std(background.column(item)[np.abs(data.joined("velocity")) == speed]) < 0.1
 
 
-@pytest.mark.parametrize("lines", [(11.3,), (11.3, 12.1), tuple(np.arange(10.0, 13.0, 0.1))])
+@pytest.mark.parametrize("lines", [(11.3,), tuple(np.arange(10.0, 13.0, 0.1))])
 def test_a_strong_line_is_not_taken_for_noise(lines: tuple[float, ...]) -> None:
     """Gaps of held-out data spread it over its neighbourhood; a resonance of the noise, which is many lines, is noise."""
     term = effect("periodic_vibration")
@@ -174,9 +174,24 @@ def test_a_strong_line_is_not_taken_for_noise(lines: tuple[float, ...]) -> None:
     for line in lines:
         column = background.columns(probe(term, {"frequency": line}, None, 1.0))[:, 0]
         background.white = background.white + 60.0 * column / np.linalg.norm(column) * math.cos(9.0 * line**2)
-    start = starts(background, term, None)[0]
-    assert start.gain > 1000.0
-    assert start.excess < 2.0 if len(lines) < 3 else start.excess > 100.0
+    found = {start.instance.values["frequency"]: start for start in starts(background, term, None)}
+    near = [start for frequency, start in found.items() if abs(frequency - 11.3) < 2.0]
+    assert max(start.gain for start in near) > 1000.0
+    assert all(start.excess < 2.0 if len(lines) == 1 else start.excess > 100.0 for start in near)
+
+
+def test_a_wave_that_is_there_is_not_proposed_again() -> None:
+    """Nor as the fundamental of another one, of which that is the fourth harmonic."""
+
+    def two(m: Motion) -> np.ndarray:
+        return 4.0 * np.cos(7.0 * m.q) + 2.0 * np.cos(28.0 * m.q + 1.0)
+
+    balance, fit = settled(conditioned(np.random.default_rng(5), two))
+    nearly = instance(effect("cogging"), {"order": 7.3, "amplitude": 3.0, "phase": 0.0})
+    for known, orders in ((fit.axis, {7.0, 28.0}), (fit.axis.with_effect(nearly), {28.0})):
+        found = starts(Background(balance, known, fit.free), effect("cogging"), None)
+        near = {order for order in (7.0, 28.0) for s in found if abs(s.instance.values["order"] - order) < 0.5}
+        assert near == orders
 
 
 def test_an_encoder_error_too_fast_for_the_samples_is_none() -> None:
