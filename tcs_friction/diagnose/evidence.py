@@ -40,13 +40,17 @@ class Isolated:
 
 @dataclass(frozen=True)
 class Map:
-    """A learned map: torque (n,) or (n, m) on a regular grid over one or two coordinates between lower and upper."""
+    """A learned map: torque (n,) or (n, m) on a regular grid over one or two coordinates between lower and upper.
+
+    visited: (k,) or (k, k) of as many equal cells each way between these, whether the recordings were there.
+    """
 
     coordinates: tuple[str, ...]
     units: tuple[str, ...]
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     values: Array
+    visited: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from tcs_friction.diagnose.atlas import AtlasEntry
 from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.coordinates import unit_of, values_of
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.diagnose.selection import Selection
@@ -17,6 +18,7 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 
 PLOTTED = 6000  # samples in pictures
+CELLS = 80  # each way, in which a map is drawn
 FOLDED = 4.0  # periods, from which an effect is drawn over one of them
 
 
@@ -40,7 +42,7 @@ def evidence_of(
         held_out=balance.held_out[thin],
         atlas=tuple(looks),
         isolated=tuple(_isolated(balance, axis, item, residuals["improved"], thin) for item in named),
-        learned=_map(axis),
+        learned=_map(balance.data, axis),
         runners_up=_runners_up(selection, axis),
         torque_unit=unit_of("torque", axis.kind),
         position_unit=unit_of("position", axis.kind),
@@ -59,13 +61,15 @@ def _isolated(balance: Balance, axis: Axis, item: Instance, improved: np.ndarray
     return Isolated(item.term.id, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
 
 
-def _map(axis: Axis) -> Map | None:
-    """The learned map, to be drawn."""
+def _map(data: Conditioned, axis: Axis) -> Map | None:
+    """The learned map, to be drawn where there was motion."""
     table = next((item.table for item in axis.effects if item.table is not None), None)
     if table is None:
         return None
     units = tuple(unit_of(name, axis.kind) for name in table.coordinates)
-    return Map(table.coordinates, units, table.lower, table.upper, table.values)
+    samples = np.stack([values_of(data, name) for name in table.coordinates], axis=1)
+    cells = np.histogramdd(samples, CELLS, list(zip(table.lower, table.upper, strict=True)))[0]
+    return Map(table.coordinates, units, table.lower, table.upper, table.values, cells > 0.0)
 
 
 def _runners_up(selection: Selection, axis: Axis) -> tuple[RunnerUp, ...]:

@@ -46,9 +46,6 @@ from tcs_friction.report.numbers import interval, unbroken, with_error
 SIGNIFICANT = 0.01
 """p-value below which the atlas calls a coordinate one where the residual lives."""
 
-SHADES = 300
-"""Points each way at which a map over two coordinates is coloured."""
-
 WORDS = {
     "match": "the model matches",
     "parameters": "wrong parameters, no missing physics",
@@ -203,8 +200,8 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
 
 @drawn(
     "learned_map",
-    "Opposing torque that the data ask for and no physics here explains: a table, with which the simulation predicts better. "
-    "Look for what changes with these coordinates.",
+    "Opposing torque that the data ask for and no physics here explains: a table, with which the simulation predicts better; "
+    "empty where nothing was recorded. Look for what changes with these coordinates.",
 )
 def draw_map(learned: Map, torque_unit: str) -> Figure:
     """A curve over one coordinate, colours over two."""
@@ -214,15 +211,21 @@ def draw_map(learned: Map, torque_unit: str) -> Figure:
         np.linspace(low, high, count)
         for low, high, count in zip(learned.lower, learned.upper, learned.values.shape, strict=True)
     ]
+    cells = [
+        np.linspace(low, high, count + 1)
+        for low, high, count in zip(learned.lower, learned.upper, learned.visited.shape, strict=True)
+    ]
+    middles = np.stack(np.meshgrid(*(0.5 * (x[1:] + x[:-1]) for x in cells), indexing="ij"), axis=-1)
+    values = np.where(learned.visited, RegularGridInterpolator(nodes, learned.values)(middles), np.nan)
     if len(nodes) == 1:
-        line(axes, nodes[0], learned.values, IMPROVED, lw=1.8)
+        line(axes, middles[:, 0], values, IMPROVED, lw=1.8)
         axes.axhline(0.0, color=MEASURED, lw=0.7)
         label(axes, names[0], f"opposing torque ({torque_unit})")
         return figure
-    most = float(np.abs(learned.values).max())
-    fine = [np.linspace(x[0], x[-1], SHADES) for x in nodes]
-    values = RegularGridInterpolator(nodes, learned.values)(np.stack(np.meshgrid(*fine), axis=-1))
-    colours = axes.pcolormesh(*fine, values, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
+    most = float(np.nanmax(np.abs(values)))
+    colours = axes.pcolormesh(*cells, values.T, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
+    across, along = (np.flatnonzero(learned.visited.any(axis=other)) for other in (1, 0))
+    axes.set(xlim=cells[0][[across[0], across[-1] + 1]], ylim=cells[1][[along[0], along[-1] + 1]])
     label(axes, *names)
     figure.colorbar(colours, label=f"opposing torque ({torque_unit})")
     return figure

@@ -138,7 +138,7 @@ def test_what_remains_is_drawn(
 ) -> None:
     values = np.outer(np.sin(np.arange(9.0)), [1.0, -1.0]) if axes == 2 else np.sin(np.arange(9.0))
     names, units = ("position", "exogenous:oil_pressure")[:axes], ("rad", "")[:axes]
-    learned = Map(names, units, (0.0, -1.0)[:axes], (2.0, 1.0)[:axes], values)
+    learned = Map(names, units, (0.0, -1.0)[:axes], (2.0, 1.0)[:axes], values, np.arange(8**axes).reshape([8] * axes) % 8 > 1)
     document = write_report(tmp_path, diagnosis, replace(evidence, learned=learned)).read_text(encoding="utf-8")
     assert "What nothing in the vocabulary explains" in document
     assert (tmp_path / "learned_map.png").stat().st_size > 1000
