@@ -18,6 +18,7 @@ from tcs_friction.config import AxisFile, default_control, load_axis, save_axis,
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.errors import writing_into
 from tcs_friction.identify.dob_calibration import DYNAMOMETER, Calibration, calibrate, comparisons_of
+from tcs_friction.physics.terms import unit_on
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
@@ -46,16 +47,16 @@ def run(arguments: argparse.Namespace) -> None:
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
     found = calibrate(comparisons, control.observer)
-    unit = "N m" if file.axis.kind == "rotary" else "N"
+    kind = file.axis.kind
     text = json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n"
     calibrated = replace(file, control=replace(control, observer=found.observer))
     _write(arguments.output, text, calibrated)
-    _report(arguments.output, found, control.observer, unit, [recording.source for recording in recordings])
+    _report(arguments.output, found, control.observer, kind, [recording.source for recording in recordings])
     tell_notes(recordings)
     print(
         json.dumps(found.to_mapping(), allow_nan=False)
         if arguments.json
-        else summary(found, unit, arguments.output)
+        else summary(found, kind, arguments.output)
     )
 
 
@@ -76,25 +77,24 @@ def _write(directory: Path, text: str, file: AxisFile) -> None:
 
 
 def _report(
-    directory: Path, found: Calibration, before: ObserverSettings, unit: str, sources: list[str]
+    directory: Path, found: Calibration, before: ObserverSettings, kind: str, sources: list[str]
 ) -> None:
     from tcs_friction.report.calibration import write_report
 
-    write_report(directory, found, before, unit, sources)
+    write_report(directory, found, before, kind, sources)
 
 
-def summary(found: Calibration, unit: str, directory: Path) -> str:
+def summary(found: Calibration, kind: str, directory: Path) -> str:
     """What a terminal shows."""
     settings = found.observer
-    inertia = "kg m^2" if unit == "N m" else "kg"
 
     def shown(value: float, std: float) -> str:
         return f"{value:.6g} ± {std:.2g}" if std == std else f"{value:.6g} (kept)"
 
     lines = [
         f"torque scale       {shown(settings.torque_scale, found.scale_std)}",
-        f"torque offset      {shown(settings.torque_offset, found.offset_std)} {unit}",
-        f"nominal inertia    {shown(settings.plant.first, found.inertia_std)} {inertia}",
+        f"torque offset      {shown(settings.torque_offset, found.offset_std)} {unit_on(kind, 'N m')}",
+        f"nominal inertia    {shown(settings.plant.first, found.inertia_std)} {unit_on(kind, 'kg m^2')}",
         f"dynamometer late   {1e3 * found.dynamometer_delay:.1f} ms",
         f"accuracy           {100 * found.accuracy_uniform:.2f} % in uniform motion, "
         f"{100 * found.accuracy:.2f} % over everything; before {100 * found.accuracy_before:.2f} %",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.physics.terms import linear_unit
+from tcs_friction.physics.terms import unit_on
 
 UNITS = {
     "time": "s",
@@ -21,8 +21,7 @@ UNITS = {
 
 def unit_of(coordinate: str, kind: str) -> str:
     """Its unit on a "rotary" or "linear" axis; nothing for directions and for signals, whose units nobody recorded."""
-    unit = UNITS.get(coordinate, "")
-    return unit if kind == "rotary" else linear_unit(unit)
+    return unit_on(kind, UNITS.get(coordinate, ""))
 
 
 def values_of(data: Conditioned, coordinate: str) -> np.ndarray:

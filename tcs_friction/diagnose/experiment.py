@@ -91,7 +91,7 @@ def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], 
         return
     slow, fast = (float(x) for x in np.percentile(moving, [5, 99]))
     hardest = float(np.percentile(np.abs(data.joined("acceleration")), 99))
-    unit = "rad/s" if axis.kind == "rotary" else "m/s"
+    unit = unit_of("velocity", axis.kind)
     speeds = (
         ("slow", slow),
         ("medium", math.sqrt(slow * fast)),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.coordinates import unit_of
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
@@ -181,7 +182,7 @@ def _speed(moving: np.ndarray, axis: Axis) -> list[Limit]:
     slow, fast = np.percentile(np.abs(moving), [10, 98])
     if fast > ONE_SPEED * slow:
         return []
-    unit = "rad/s" if axis.kind == "rotary" else "m/s"
+    unit = unit_of("velocity", axis.kind)
     return [
         Limit(
             f"moves at one speed only ({fast:.3g} {unit}): viscous cannot be told from dry friction, and how friction depends on "

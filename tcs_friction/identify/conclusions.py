@@ -15,7 +15,7 @@ from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Errors, Estimate, Fit
 from tcs_friction.identify.sharpen import Sharpened
 from tcs_friction.identify.uncertainty import block_bootstrap, correlations, cramer_rao, sandwich
-from tcs_friction.physics.terms import linear_unit
+from tcs_friction.physics.terms import unit_on
 
 LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
 UNCERTAINTIES = ("sandwich", "bootstrap")
@@ -191,8 +191,7 @@ def _covariance(refined: Refined, free: np.ndarray, uncertainty: str) -> np.ndar
 
 def _unit(problem: Problem, k: int) -> str:
     declared = [p.unit for p in problem.axis.friction.term.parameters]
-    rotary = [*declared, "kg m^2", "N m"][k]
-    return rotary if problem.axis.kind == "rotary" else linear_unit(rotary)
+    return unit_on(problem.axis.kind, [*declared, "kg m^2", "N m"][k])
 
 
 def _estimate(problem: Problem, verdicts: Verdicts, covariance: np.ndarray, k: int) -> Estimate:

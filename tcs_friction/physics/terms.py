@@ -111,8 +111,7 @@ class Parameter:
 
     def unit_for(self, kind: str) -> str:
         """Unit on an axis of this kind ("rotary" or "linear")."""
-        angle = self.role is Role.PHASE
-        return self.unit if kind == "rotary" or angle else linear_unit(self.unit)
+        return self.unit if self.role is Role.PHASE else unit_on(kind, self.unit)
 
     def check(self, value: object, where: str) -> float:
         """The value as a float.
@@ -130,13 +129,15 @@ class Parameter:
         return number
 
 
-def linear_unit(unit: str) -> str:
-    """The unit a linear axis has where a rotary one has `unit`.
+def unit_on(kind: str, unit: str) -> str:
+    """The unit that a "rotary" or "linear" axis has where a rotary one has `unit`.
 
-    >>> linear_unit("N m s/rad"), linear_unit("kg m^2"), linear_unit("1/turn")
-    ('N s/m', 'kg', '1/m')
+    >>> unit_on("linear", "N m s/rad"), unit_on("linear", "kg m^2"), unit_on("rotary", "1/turn")
+    ('N s/m', 'kg', '1/turn')
     """
-    for rotary, linear in (("kg m^2", "kg"), ("N m", "N"), ("turn", "m")):
+    if kind == "rotary":
+        return unit
+    for rotary, linear in (("kg m^2", "kg"), ("kg m²", "kg"), ("N m", "N"), ("turn", "m")):
         unit = unit.replace(rotary, linear)
     return unit.replace("rad", "m")
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.identify.dob_calibration import Calibration
+from tcs_friction.physics.terms import unit_on
 from tcs_friction.report import published
 from tcs_friction.report.figures import (
     BELIEVED,
@@ -29,10 +30,10 @@ from tcs_friction.report.numbers import with_error
 
 
 def write_report(
-    directory: Path, found: Calibration, before: ObserverSettings, unit: str, sources: Sequence[str]
+    directory: Path, found: Calibration, before: ObserverSettings, kind: str, sources: Sequence[str]
 ) -> Path:
     """Write DIR/report.html and its picture; returns the page's path."""
-    image = draw_calibration(found, unit)
+    image = draw_calibration(found, kind)
     numbers = key_numbers(
         [
             Number("in uniform motion", _percent(found.accuracy_uniform), "paper: 96.94 %"),
@@ -51,7 +52,7 @@ def write_report(
         sentence(found),
         numbers,
         section("Observed and measured", picture(image)),
-        section("What was found", parameter_table(found, before, unit)),
+        section("What was found", parameter_table(found, before, kind)),
         *notes,
         remark=", ".join(sources),
     )
@@ -74,9 +75,10 @@ def _percent(value: float) -> str:
 
 @drawn("calibration", "Friction observed and friction measured by the dynamometer; below, the difference before and after "
        "calibration. Shaded: uniform motion, from which scale and offset come. Q's delay is taken out.")  # fmt: skip
-def draw_calibration(found: Calibration, unit: str) -> Figure:
+def draw_calibration(found: Calibration, kind: str) -> Figure:
     """Series on top, difference below."""
     t = _joined(found.t)
+    unit = unit_on(kind, "N m")
     figure, (top, bottom) = panels(2, height=2.2, sharex=True)
     line(top, t, found.measured, TRUTH, "dynamometer", lw=2.4)
     line(top, t, found.after, MEASURED, "observed, calibrated")
@@ -104,10 +106,10 @@ def _shade(axes: Axes, t: Array, where: np.ndarray) -> None:
         axes.axvspan(t[start], t[stop - 1], color="#0072b2", alpha=0.07, lw=0)
 
 
-def parameter_table(found: Calibration, before: ObserverSettings, unit: str) -> Html:
+def parameter_table(found: Calibration, before: ObserverSettings, kind: str) -> Html:
     """Before and after."""
     after = found.observer
-    inertia = "kg m²" if unit == "N m" else "kg"
+    unit, inertia = unit_on(kind, "N m"), unit_on(kind, "kg m²")
     rows = [
         ["torque that acts over torque logged", f"{before.torque_scale:g}",
          with_error(after.torque_scale, found.scale_std), ""],

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tcs_friction.identify.result import Identification
+from tcs_friction.physics.terms import unit_on
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.figures import (
     BELIEVED,
@@ -117,7 +118,7 @@ def _bent(subject: Subject, law: str) -> str:
     bend = values["coulomb"] / values["stiffness"]
     if bend < MOST_BENT * travel:
         return ""
-    unit = "rad" if subject.kind == "rotary" else "m"
+    unit = unit_on(subject.kind, "rad")
     return (
         f"The bristles of {law} bend by {bend:.2g} {unit}, {100.0 * bend / travel:.0f} % of the whole travel: they imitate a "
         "torque that depends on position, such as gravity. That is not friction, however well it fits."
@@ -149,10 +150,10 @@ def draw_time(subject: Subject) -> Picture:
 def draw_where(subject: Subject) -> Picture:
     """The best law's residual over position and over speed, with its mean in narrow bins."""
     best, law = subject.best, subject.ranking[0]
-    rotary, unit = subject.kind == "rotary", _unit(subject)
+    unit = _unit(subject)
     coordinates = (
-        (subject.position(law), "position (rad)" if rotary else "position (m)"),
-        (best.fit.velocity, "speed (rad/s)" if rotary else "speed (m/s)"),
+        (subject.position(law), f"position ({unit_on(subject.kind, 'rad')})"),
+        (best.fit.velocity, f"speed ({unit_on(subject.kind, 'rad/s')})"),
     )
 
     def draw() -> Figure:

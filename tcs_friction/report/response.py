@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, NullFormatter
 
 from tcs_friction.identify.plant_response import SECOND_ORDER, TWO_INERTIAS, PlantModel, Response
+from tcs_friction.physics.terms import unit_on
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,
@@ -78,7 +79,7 @@ def explained(models: Sequence[PlantModel]) -> bool:
 
 def sentence(models: Sequence[PlantModel], kind: str) -> str:
     """What a control engineer would say of the result."""
-    unit = "kg m²" if kind == "rotary" else "kg"
+    unit = unit_on(kind, "kg m²")
     coupled, plain = resonant(models), models[0]
     if not explained(models):
         return "Neither model explains the response: was the axis excited, on top of a motion without reversals?"
@@ -115,7 +116,7 @@ def draw_response(measured: Response, models: Sequence[PlantModel], kind: str) -
         gain.loglog(fine, np.abs(curve), style, color=color, lw=1.2, label=NAMES[model.form])
         phase.semilogx(fine, _degrees(curve), style, color=color, lw=1.2)
     gain.set_ylim(0.5 * amplitude.min(), 2.0 * amplitude.max())
-    unit = "rad/s per N m" if kind == "rotary" else "m/s per N"
+    unit = unit_on(kind, "rad/s per N m")
     label(gain, "", f"gain ({unit})")
     label(phase, "", "phase (deg)")
     phase.set_yticks([-180, -90, 0, 90])
@@ -137,7 +138,7 @@ def _degrees(response: np.ndarray) -> Array:
 
 def parameter_table(model: PlantModel, kind: str) -> Html:
     """Every parameter with its standard deviation."""
-    inertia, damping = ("kg m²", "N m s/rad") if kind == "rotary" else ("kg", "N s/m")
+    inertia, damping = unit_on(kind, "kg m²"), unit_on(kind, "N m s/rad")
     words = {
         "second": ("coefficient of s²", f"{damping} s²"),
         "first": ("coefficient of s: inertia", inertia),

@@ -11,7 +11,7 @@ from physics_cases import LUGRE, TABLE, plain
 from tcs_friction.errors import InputError
 from tcs_friction.physics import terms
 from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import Parameter, Role, Table, geometric, instance, linear_unit, no_scan
+from tcs_friction.physics.terms import Parameter, Role, Table, geometric, instance, no_scan, unit_on
 
 COGGING = {"order": 72.0, "amplitude": 2.0}
 
@@ -41,7 +41,8 @@ def test_parameter_takes_its_bounds(value: float) -> None:
     ],
 )
 def test_units_of_a_linear_axis(rotary: str, linear: str) -> None:
-    assert linear_unit(rotary) == linear
+    assert unit_on("linear", rotary) == linear
+    assert unit_on("rotary", rotary) == rotary
     assert Parameter("p", rotary, "").unit_for("linear") == linear
     assert Parameter("p", rotary, "").unit_for("rotary") == rotary
 
