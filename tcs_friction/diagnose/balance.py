@@ -72,16 +72,20 @@ class Balance:
     def free(self, axis: Axis) -> list[Free]:
         """The free numbers of a joint fit, the alignment of torque and position in the log among them.
 
-        A log is not aligned better than half its own period, a quarter where somebody states the delay, which is no physics; an
-        axis with a transport delay has its alignment in that.
+        An axis with a transport delay has its alignment in that.
         """
         free = free_parameters(axis, 1.0)
         if any(item.term.id == "transport_delay" for item in axis.effects):
             return free
         believed = self.believed_delay
-        leeway = (STATED if believed > 0.0 else UNSTATED) * self.data.period
-        bounds = (max(believed - leeway, 0.0), believed + leeway)
+        bounds = (max(believed - self.leeway, 0.0), believed + self.leeway)
         return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
+
+    @property
+    def leeway(self) -> float:
+        """s by which torque and position may be misaligned in the log, which is no physics: half its period, a quarter where
+        somebody states the delay."""
+        return (STATED if self.believed_delay > 0.0 else UNSTATED) * self.data.period
 
     def residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque residual (n,), N m, where bodies that swing amplify noise of the motion as small as if they did not.

@@ -24,6 +24,7 @@ from tcs_friction.diagnose.hypotheses import (
     gain_by_motion,
 )
 from tcs_friction.diagnose.joint import joined
+from tcs_friction.diagnose.matched import same_wave
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -35,6 +36,7 @@ FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing i
 MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
 CALM = 2.0  # times the noise power: amplification below which a mode must improve the torque balance
+LEAST = 0.5  # of what an effect has to gain, that its torque must have: it cannot gain more by itself
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 MOSTLY = 0.5  # of the noise power, from which that is the encoder's
 SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
@@ -212,15 +214,22 @@ def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
 
 
 def implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
-    """Whether a fitted effect cannot be or be seen, or ended where it proposes nothing for such a recording."""
+    """Whether a fitted effect cannot be or be seen, is there twice, or ended where it proposes nothing for such a recording."""
+    item = fit.axis.effects[index]
     if impossible(balance, fit, index) or _unresolved(balance, fit, index):
         return True
-    return _out_of_reach(balance, axis, fit.axis.effects[index])
+    if item.term.id == "transport_delay" and item.values["delay"] < balance.leeway:
+        return True  # alignment
+    others = (other for other in fit.axis.effects if other is not item)
+    return any(same_wave(balance, fit.axis, item, other) for other in others) or _out_of_reach(balance, axis, item)
 
 
 def impossible(balance: Balance, fit: Fit, index: int) -> bool:
-    """Whether an effect is larger than any torque, or its own declaration warns of its values."""
+    """Whether an effect is larger than any torque or hardly one, or its own declaration warns of its values."""
     item, own = fit.axis.effects[index], _own_torque(balance, fit, index)
+    white = balance.whiten(own)
+    if float(white @ white) < LEAST * chance(1, 1.0):
+        return True
     return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
 
 

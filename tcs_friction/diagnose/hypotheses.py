@@ -17,7 +17,7 @@ import numpy as np
 from tcs_friction.diagnose.background import Background, probe, survey, unit_size
 from tcs_friction.diagnose.balance import Balance
 from tcs_friction.diagnose.free import pairs
-from tcs_friction.diagnose.matched import excess, local_scans, spectrum
+from tcs_friction.diagnose.matched import excess, local_scans, same_wave, spectrum
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -27,7 +27,6 @@ SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic 
 LEADING = 0.5  # of the largest harmonic, that the first one must have
 CLIMB_FROM, CLIMBS = 0.13, 16  # first step of a pattern search, log units, and its rounds
 PEAKS = 3  # of a spectrum that are tried exactly
-APART = 0.5  # periods over the travel by which a wave differs, at least, from one that is there: nearer, they are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,18 +229,18 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
             tries.append(int(index))
         if len(tries) == PEAKS:
             break
-    once = 1.0 / view.duration if in_time else 2.0 * math.pi / (view.span * background.axis.cycle)  # of one period
-    taken = [item.values[name] for item in background.axis.effects if item.term is term]
     found: list[Start] = []
     for index in tries:
         order = float(grid[index])
         harmonics = max(1, sum(p.role is Role.PHASE for p in term.parameters)) if not found else 1
         own: Start | None = None
         for fundamental in (order / m for m in range(1, harmonics + 1)):
-            if fundamental < grid[0] or any(abs(fundamental - other) < APART * once for other in taken):
+            wave = probe(term, {name: fundamental}, None, 1.0)
+            known = (same_wave(background.balance, background.axis, wave[0], item) for item in background.axis.effects)
+            if fundamental < grid[0] or any(known):
                 continue
             values = {name: fundamental}
-            columns = background.columns(probe(term, values, None, 1.0))
+            columns = background.columns(wave)
             start = _judged(background, term, values, None, looks, columns)
             if start is None:
                 continue

@@ -13,11 +13,13 @@ from scipy import ndimage
 
 from tcs_friction.diagnose.background import Background, probe, unit_size
 from tcs_friction.diagnose.balance import Balance
-from tcs_friction.physics.terms import Place, Role, Survey, Term
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term
 
 PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
+APART = 0.5  # periods over the travel or the time
 SPREAD = 2.0  # times the noise estimate, from which a strong line is looked at as a cause of what is beside it
 
 
@@ -48,6 +50,16 @@ def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarr
         highest *= 0.5
     grid, gain = (np.concatenate(x[::-1]) for x in zip(*bands, strict=True))
     return grid, gain, looks
+
+
+def same_wave(balance: Balance, axis: Axis, one: Instance, other: Instance) -> bool:
+    """Whether two periodic effects are one: over the recording they differ by less than APART periods."""
+    if one.term is not other.term or not one.term.periodic:
+        return False
+    along = balance.data.joined("t" if one.term.periodic == "time" else "position")
+    periods = float(np.ptp(along)) * (1.0 if one.term.periodic == "time" else axis.cycle / (2.0 * math.pi))
+    name = one.term.parameters[0].name
+    return abs(one.values[name] - other.values[name]) * periods < APART
 
 
 def _order_spectrum(

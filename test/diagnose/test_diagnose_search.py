@@ -224,6 +224,27 @@ def test_a_wave_within_the_steps_of_a_coarse_encoder_is_not_named(
         assert implausible(balance, fit.axis, with_wave, len(fit.axis.effects)) is not seen
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "named"),
+    [
+        ("torque_bias", {"bias": 1e-6}, False),
+        ("torque_bias", {"bias": 1.0}, True),
+        ("transport_delay", {"delay": 0.4 * DT}, False),  # torque and position in the log are no better aligned
+        ("transport_delay", {"delay": 0.6 * DT}, True),
+        ("periodic_vibration", {"frequency": 8.001, "amplitude": 2.0, "phase": 0.0}, False),  # beside one of 8 Hz
+        ("periodic_vibration", {"frequency": 8.01, "amplitude": 2.0, "phase": 0.0}, True),
+    ],
+)
+def test_what_is_hardly_there_or_there_twice_is_not_named(
+    name: str, values: dict[str, float], named: bool
+) -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(5)))
+    wave = instance(effect("periodic_vibration"), {"frequency": 8.0, "amplitude": 2.0, "phase": 0.0})
+    before = fit.axis.with_effect(wave)
+    after = balance.fit(before.with_effect(instance(effect(name), values)), [], iterations=0)
+    assert implausible(balance, before, after, len(before.effects)) is not named
+
+
 def test_noise_of_the_torque_is_no_load_dependence() -> None:
     """All noise is in the logged torque, which the effect could make smaller; a gravity load makes it identifiable."""
     term = effect("load_dependent_friction")
