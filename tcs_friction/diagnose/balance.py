@@ -16,7 +16,7 @@ import numpy as np
 from scipy import fft, ndimage, signal
 
 from tcs_friction.diagnose.condition import Conditioned, through
-from tcs_friction.diagnose.free import Free, at_bound, free_parameters, get, limited, put
+from tcs_friction.diagnose.free import Free, at_bound, free_parameters, get, limited, moved, put
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
@@ -294,13 +294,9 @@ class Balance:
     def _differentiated(
         self, axis: Axis, free: Sequence[Free], residual: np.ndarray, passed: Callable[[np.ndarray], np.ndarray]
     ) -> np.ndarray:
-        numbers = get(axis, free)
-
         def differentiate(k: int) -> np.ndarray:
-            moved = numbers.copy()
             step = -free[k].scale if at_bound(axis, free, k) == 1 else free[k].scale
-            moved[k] = numbers[k] + step
-            return passed((self.residual(put(axis, free, moved)) - residual) / step)
+            return passed((self.residual(moved(axis, free, k, step)) - residual) / step)
 
         columns = side_by_side(differentiate, range(len(free)))
         return np.stack(columns, axis=1) if columns else np.empty((len(passed(residual)), 0))

@@ -18,7 +18,7 @@ import yaml
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.condition import Conditioned
 from tcs_friction.diagnose.coordinates import unit_of
-from tcs_friction.diagnose.free import Free, free_parameters, get, put
+from tcs_friction.diagnose.free import Free, free_parameters, moved
 from tcs_friction.diagnose.limits import SLOW
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
@@ -186,12 +186,9 @@ def _judge(
 def _columns(residual: Any, axis: Axis, here: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Derivatives (kept, k) of the residual by everything that a joint fit of this axis would change."""
     free: list[Free] = free_parameters(axis, 1e-3 * max(float(np.std(here)), 1e-12))
-    numbers = get(axis, free)
     columns = np.empty((len(kept), len(free)))
     for k, f in enumerate(free):
-        moved = numbers.copy()
-        moved[k] += f.scale
-        columns[:, k] = (residual(put(axis, free, moved)) - here)[kept] / f.scale
+        columns[:, k] = (residual(moved(axis, free, k, f.scale)) - here)[kept] / f.scale
     return columns
 
 

@@ -84,7 +84,8 @@ def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
 def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
     """The axis with those free numbers, each kept within its declared bounds."""
     own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
-    law, effects = {}, [dict(item.values) for item in axis.effects]
+    law: dict[str, float] = {}
+    effects: dict[int, dict[str, float]] = {f.owner: {} for f in free if f.owner >= 0}
     cosine = 0.0
     for f, number in zip(free, numbers, strict=True):
         value = math.exp(min(max(number, -700.0), 700.0)) if f.kind == "log" else float(number)
@@ -101,8 +102,8 @@ def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
             effects[f.owner][f.name] = value
     law = {name: _bounded(axis.friction.term.parameter(name), value) for name, value in law.items()}
     items = tuple(
-        item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in values.items()})
-        for item, values in zip(axis.effects, effects, strict=True)
+        item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in effects[k].items()}) if k in effects else item
+        for k, item in enumerate(axis.effects)
     )
     friction = axis.friction.replace(**law)
     inertia, delay = own["inertia"], own["actuation_delay"]
@@ -115,13 +116,27 @@ def _bounded(parameter: Parameter, value: float) -> float:
 
 def at_bound(axis: Axis, free: Sequence[Free], k: int) -> int:
     """Whether number k cannot grow (1), cannot shrink (-1) or is free to move (0)."""
-    numbers = get(axis, free)
+    own, place = _together(free, k)
+    number = get(axis, own)[place]
     for sign in (1, -1):
-        moved = numbers.copy()
-        moved[k] += sign * free[k].scale
-        if not sign * (get(put(axis, free, moved), free)[k] - numbers[k]) > 0.0:
+        if not sign * (get(moved(axis, free, k, sign * free[k].scale), own)[place] - number) > 0.0:
             return sign
     return 0
+
+
+def moved(axis: Axis, free: Sequence[Free], k: int, step: float) -> Axis:
+    """The axis with number k moved by a step, as far as its bounds allow, and all else as it is."""
+    own, place = _together(free, k)
+    numbers = get(axis, own)
+    numbers[place] += step
+    return put(axis, own, numbers)
+
+
+def _together(free: Sequence[Free], k: int) -> tuple[Sequence[Free], int]:
+    """What number k is put on an axis with, itself or both parts of an amplitude with a phase, and its place there."""
+    if free[k].kind == "cosine":
+        return free[k : k + 2], 0
+    return (free[k - 1 : k + 1], 1) if free[k].kind == "sine" else (free[k : k + 1], 0)
 
 
 def limited(step: np.ndarray, free: Sequence[Free]) -> np.ndarray:

@@ -11,7 +11,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.balance import Balance
 from tcs_friction.diagnose.candidates import feeds_on_noise
 from tcs_friction.diagnose.condition import condition, low_pass, step_of
-from tcs_friction.diagnose.free import free_parameters, get, put
+from tcs_friction.diagnose.free import at_bound, free_parameters, get, moved, put
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import InputError
@@ -77,6 +77,20 @@ def test_free_numbers_go_in_as_they_came_out() -> None:
     assert again.inertia == pytest.approx(subject.inertia)
     for old, new in zip(subject.effects, again.effects, strict=True):
         assert dict(new.values) == pytest.approx(dict(old.values))
+
+
+def test_one_number_moves_and_all_others_stay_as_they_are() -> None:
+    subject = axis(COGGING, instance(effect("actuator_lag"), {"time_constant": 1e-3}))
+    free = free_parameters(subject, 1.0)
+    numbers = get(subject, free)
+    for k, f in enumerate(free):
+        after = moved(subject, free, k, f.scale)
+        assert get(after, free) == pytest.approx(numbers + f.scale * (np.arange(len(free)) == k), rel=1e-9)
+        untouched = [item for index, item in enumerate(after.effects) if index != f.owner]
+        assert all(any(item is old for old in subject.effects) for item in untouched)
+        assert at_bound(subject, free, k) == 0
+    longest = subject.without_effect(subject.effects[1]).with_effect(subject.effects[1].replace(time_constant=10.0))
+    assert at_bound(longest, free, len(free) - 1) == 1
 
 
 def test_held_out_data_are_no_train_data(plain: Recording) -> None:
