@@ -25,6 +25,7 @@ from tcs_friction.diagnose.hypotheses import (
 )
 from tcs_friction.diagnose.joint import joined
 from tcs_friction.diagnose.matched import same_wave
+from tcs_friction.diagnose.parts import SLOW_PERIODS
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -39,7 +40,6 @@ CALM = 2.0  # times the noise power: amplification below which a mode must impro
 LEAST = 0.5  # of what an effect has to gain, that its torque must have: it cannot gain more by itself
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 MOSTLY = 0.5  # of the noise power, from which that is the encoder's
-SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count
 REACH = 3.0  # times the proposed values, within which an effect can be told from others
 

@@ -95,11 +95,6 @@ class Conditioned:
         first = taps // self.stride
         return np.ascontiguousarray(filtered[first : first - (-len(x) // self.stride)])
 
-    def smoothed(self, x: np.ndarray) -> np.ndarray:
-        """A torque (n,) of one stretch, low-passed as `narrowed` does, at all samples that are evaluated."""
-        taps = len(self._narrowing) // 2
-        return np.asarray(signal.upfirdn(self._narrowing, x, mode="edge")[taps : taps + len(x)])
-
     @cached_property
     def _narrowing(self) -> np.ndarray:
         """Low pass of torques at the evaluated samples: a whole number of compared samples on each side."""

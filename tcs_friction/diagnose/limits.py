@@ -20,6 +20,7 @@ SCARCE = 0.01  # share of the moving time in a direction that counts as none
 ONE_SPEED = 1.5  # fastest over slowest speed
 SHORT = 20.0  # s
 FEW_REVERSALS = 4
+ONE_SINUSOID = 0.98  # correlation of acceleration with position, reversed
 STRAIGHT = 0.01  # rms of inertial torque over that of the torque
 BLOCKS, QUARTERS = 32, 4  # of the data, interleaved
 
@@ -30,6 +31,7 @@ SPEEDS = frozenset({"stribeck", "quadratic_drag", "viscous_asymmetry"})
 ACCELERATING = frozenset(
     {"flexible_mode", "position_dependent_inertia", "actuator_lag", "transport_delay", "backlash"}
 )
+ELASTIC = frozenset({"cable_wrap", "imbalance", "position_dependent_inertia"})
 SLOW = frozenset({"warmup_drift", "temperature_dependent_friction"})
 WIRING = {57.29578: "degrees", 1.0 / 57.29578: "rad where the axis file has degrees"}
 LINEAR_WIRING = {1e3: "mm", 1e-3: "m where the axis file has mm"}
@@ -136,6 +138,7 @@ def _found(data: Conditioned, axis: Axis) -> list[Limit]:
         *_direction(data, moving),
         *_speed(moving, axis),
         *_acceleration(data, axis),
+        *_swing(data),
         *_extent(data, axis),
     ]
 
@@ -203,6 +206,18 @@ def _acceleration(data: Conditioned, axis: Axis) -> list[Limit]:
         Limit(
             "hardly accelerates: the inertia is not determined, and resonances, delays and lags cannot be judged",
             ACCELERATING,
+        )
+    ]
+
+
+def _swing(data: Conditioned) -> list[Limit]:
+    position, acceleration = data.joined("position"), data.joined("acceleration")
+    if -float(np.corrcoef(position, acceleration)[0, 1]) < ONE_SINUSOID:
+        return []
+    return [
+        Limit(
+            "swings like one sinusoid, whose acceleration follows its position: springs and gravity cannot be told from inertia",
+            ELASTIC,
         )
     ]
 

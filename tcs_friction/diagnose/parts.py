@@ -12,6 +12,7 @@ from functools import partial
 from threading import Lock
 
 import numpy as np
+from scipy import ndimage
 
 from tcs_friction.diagnose.condition import Conditioned, Stretch, through
 from tcs_friction.physics import machine
@@ -19,6 +20,7 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
 
 REMEMBERED = 400e6  # bytes of results at most
+SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
 
 
 class Memory:
@@ -79,14 +81,15 @@ class Parts:
         return self._demand(axis, _friction(axis), True)
 
     def loads_by_motion(self, axis: Axis) -> list[np.ndarray]:
-        """Torque that the motion requires at the rotor, N m, low-passed, at all samples of each stretch.
+        """Torque that the motion requires at the rotor, N m, averaged over SLOW_PERIODS, at all samples of each stretch.
 
-        Its noise is the motion's, where the logged torque's own noise is in every residual, too.
+        The logged torque's own noise is in every residual, and the encoder's, which the average leaves out, is in both.
         """
         terms = [item for item in axis.terms if item.term.place not in (Place.DRIVE, Place.SENSOR)]
         stretches = zip(self.data.stretches, self._motion(axis, True)[1:], strict=True)
+        window = max(2, round(SLOW_PERIODS / (self.data.cutoff * self.step)))
         return [
-            self.data.smoothed(self._walk(axis, terms, s, motion, s.torque) + axis.inertia * motion[2])
+            ndimage.uniform_filter1d(self._walk(axis, terms, s, motion, s.torque) + axis.inertia * motion[2], window)
             for s, motion in stretches
         ]
 

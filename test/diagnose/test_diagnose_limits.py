@@ -144,6 +144,14 @@ def test_no_acceleration_leaves_the_inertia_open() -> None:
     assert "flexible_mode" in barred(data, light)
 
 
+def test_one_sinusoid_leaves_open_what_follows_the_position() -> None:
+    swing = 0.3 * np.sin(T)
+    data = found(swing)
+    assert any("swings like one sinusoid" in line for line in limits(data, axis()))
+    assert {"cable_wrap", "imbalance"} <= barred(data, axis())
+    assert "imbalance" not in barred(found(swing + 0.1 * np.sin(3.0 * T)), axis())
+
+
 def test_short_and_narrow() -> None:
     data = conditioned(scaled(recorded(axis(), duration=8.0), position=0.1))
     lines = limits(data, axis())

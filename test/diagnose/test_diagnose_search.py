@@ -5,24 +5,29 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import ndimage
 from structure_cases import DT, Motion, axis, conditioned, settled
 
+from tcs_friction.config import load_axis
+from tcs_friction.control.loop import simulate_loop
+from tcs_friction.control.reference import Reference, Sinusoid
 from tcs_friction.diagnose import side_by_side
 from tcs_friction.diagnose.background import Background, probe, survey
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.candidates import implausible
-from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.diagnose.hypotheses import starts
+from tcs_friction.diagnose.condition import Conditioned, condition
+from tcs_friction.diagnose.hypotheses import gain_by_motion, starts
 from tcs_friction.diagnose.joint import settle
 from tcs_friction.diagnose.matched import spectrum
 from tcs_friction.diagnose.parts import Memory, Parts
 from tcs_friction.physics import machine
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import Place, Term, instance
+from tcs_friction.recording.recording import Recording
 
 FILTERS = [term for term in effects().values() if term.transfer is not None]
 VALUES = {
@@ -261,6 +266,18 @@ def test_noise_of_the_torque_is_no_load_dependence() -> None:
         else:
             assert found[0].gain > 1000.0
             assert found[0].instance.values["coefficient"] == pytest.approx(coefficient, rel=0.35)
+
+
+def test_noise_of_the_encoder_is_no_load_dependence() -> None:
+    """It is in the acceleration, so in a load that is taken from the motion and in the residual."""
+    file = load_axis(Path(__file__).parents[2] / "config" / "azimuth_1p2m.yaml")
+    assert file.control is not None
+    reference = Reference(Sinusoid(amplitude=0.2, period=20.0, duration=60.0))
+    run = simulate_loop(file.axis, reference, file.control.controller, seed=1)
+    balance = Balance(condition([Recording(run.t, run.position, run.torque, source="simulated")]))
+    fit = settle(balance, file.axis)
+    item = instance(effect("load_dependent_friction"), {"coefficient": 0.07})
+    assert gain_by_motion(Background(balance, fit.axis, fit.free), item) < 30.0
 
 
 def settled_with_gravity(data: Conditioned) -> tuple[Balance, Fit]:
