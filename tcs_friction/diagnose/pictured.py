@@ -30,8 +30,8 @@ def evidence_of(
     located: Sequence[AtlasEntry],
 ) -> Evidence:
     """Evidence for an improved `axis`: residuals (n,) believed, retuned and improved, the atlas of the retuned one."""
-    t = balance.data.joined("t")
-    thin = slice(None, None, max(1, len(t) // PLOTTED))
+    t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | balance.held_out)  # without the ends of stretches
+    thin = counted[:: max(1, len(counted) // PLOTTED)]
     looks = (Look(e.coordinate, e.unit, e.x, e.mean, e.band, e.share, e.p_value) for e in located if len(e.x) > 1)
     named = [item for item in axis.effects if not item.term.tabulated]
     return Evidence(
@@ -50,7 +50,7 @@ def evidence_of(
     )
 
 
-def _isolated(balance: Balance, axis: Axis, item: Instance, improved: np.ndarray, thin: slice) -> Isolated:
+def _isolated(balance: Balance, axis: Axis, item: Instance, improved: np.ndarray, thin: np.ndarray) -> Isolated:
     """What is left when all but this effect is taken away, against the effect's coordinate; a wave over its period."""
     left = balance.residual(axis.without_effect(item))
     coordinate = _drawn_over(item)
