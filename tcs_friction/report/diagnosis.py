@@ -244,7 +244,7 @@ def _labelled(coordinate: str, unit: str) -> str:
 def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
     fit, unit = diagnosis["fit"], evidence.torque_unit
     names = dict.fromkeys(e["effect"].replace("_", " ") for e in diagnosis["effects"])
-    found = ", ".join(names) or "nothing"
+    found = ", ".join(names) or ("something without a name" if diagnosis["verdict"] == "unexplained" else "nothing")
     improved, floor = fit["improved"]["held_out"], fit["noise_floor"]
     over = f"{improved / floor:.2f} times the noise floor" if floor else "noise floor unknown"
     return [
