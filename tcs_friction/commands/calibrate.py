@@ -41,13 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Read, calibrate, write, say what came out."""
     file = load_axis(arguments.axis)
-    mapped = file.mapped(arguments.axis)
-    signals = with_dynamometer(mapped, file.axis.kind, arguments.dynamometer, arguments.field)
+    kind, mapped = file.axis.kind, file.mapped(arguments.axis)
+    signals = with_dynamometer(mapped, kind, arguments.dynamometer, arguments.field)
     recordings = read_recordings(arguments.bags, signals)
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
     found = calibrate(comparisons, control.observer)
-    kind = file.axis.kind
     text = json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n"
     calibrated = replace(file, control=replace(control, observer=found.observer))
     _write(arguments.output, text, calibrated)

@@ -216,21 +216,21 @@ def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:
 def implausible(balance: Balance, axis: Axis, fit: Fit, index: int) -> bool:
     """Whether a fitted effect cannot be or be seen, is there twice, or ended where it proposes nothing for such a recording."""
     item = fit.axis.effects[index]
-    if impossible(balance, fit, index) or _unresolved(balance, fit, index):
-        return True
     if item.term.id == "transport_delay" and item.values["delay"] < balance.leeway:
         return True  # alignment
-    others = (other for other in fit.axis.effects if other is not item)
-    return any(same_wave(balance, fit.axis, item, other) for other in others) or _out_of_reach(balance, axis, item)
+    if any(same_wave(balance, fit.axis, item, other) for other in fit.axis.effects if other is not item):
+        return True
+    return impossible(balance, fit, index) or _unresolved(balance, fit, index) or _out_of_reach(balance, axis, item)
 
 
 def impossible(balance: Balance, fit: Fit, index: int) -> bool:
     """Whether an effect is larger than any torque or hardly one, or its own declaration warns of its values."""
-    item, own = fit.axis.effects[index], _own_torque(balance, fit, index)
-    white = balance.whiten(own)
-    if float(white @ white) < LEAST * chance(1, 1.0):
+    item = fit.axis.effects[index]
+    if item.term.warn(item.values):
         return True
-    return bool(item.term.warn(item.values)) or rms(own[balance.train]) > LARGEST * balance.torque_size
+    own = _own_torque(balance, fit, index)
+    white = balance.whiten(own)
+    return float(white @ white) < LEAST * chance(1, 1.0) or rms(own[balance.train]) > LARGEST * balance.torque_size
 
 
 def _unresolved(balance: Balance, fit: Fit, index: int) -> bool:

@@ -235,11 +235,11 @@ def _periodic_starts(background: Background, term: Term, view: Survey) -> list[S
         harmonics = max(1, sum(p.role is Role.PHASE for p in term.parameters)) if not found else 1
         own: Start | None = None
         for fundamental in (order / m for m in range(1, harmonics + 1)):
-            wave = probe(term, {name: fundamental}, None, 1.0)
+            values = {name: fundamental}
+            wave = probe(term, values, None, 1.0)
             known = (same_wave(background.balance, background.axis, wave[0], item) for item in background.axis.effects)
             if fundamental < grid[0] or any(known):
                 continue
-            values = {name: fundamental}
             columns = background.columns(wave)
             start = _judged(background, term, values, None, looks, columns)
             if start is None:

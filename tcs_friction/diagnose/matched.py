@@ -56,10 +56,15 @@ def same_wave(balance: Balance, axis: Axis, one: Instance, other: Instance) -> b
     """Whether two periodic effects are one: over the recording they differ by less than APART periods."""
     if one.term is not other.term or not one.term.periodic:
         return False
-    along = balance.data.joined("t" if one.term.periodic == "time" else "position")
-    periods = float(np.ptp(along)) * (1.0 if one.term.periodic == "time" else axis.cycle / (2.0 * math.pi))
     name = one.term.parameters[0].name
-    return abs(one.values[name] - other.values[name]) * periods < APART
+    return abs(one.values[name] - other.values[name]) * periods(balance, axis, one.term) < APART
+
+
+def periods(balance: Balance, axis: Axis, term: Term) -> float:
+    """Periods over the recording of a wave of order one, or of 1 Hz."""
+    if term.periodic == "time":
+        return float(np.ptp(balance.data.joined("t")))
+    return float(np.ptp(balance.data.joined("position"))) * axis.cycle / (2.0 * math.pi)
 
 
 def _order_spectrum(
@@ -138,8 +143,8 @@ def excess(background: Background, term: Term, view: Survey, grid: np.ndarray, s
     would a strong line, which the gaps of held-out data spread over its neighbourhood: the strongest is taken out first.
     """
     found = _excess(grid, score)
-    strongest = int(np.argmax(score)) if len(score) else 0
-    if not len(score) or found[strongest] < SPREAD:
+    strongest = int(np.argmax(score))
+    if found[strongest] < SPREAD:
         return found
     line = background.columns(probe(term, {term.parameters[0].name: float(grid[strongest])}, None, 1.0))
     line = np.linalg.qr(line)[0]

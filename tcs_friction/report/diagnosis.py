@@ -207,14 +207,9 @@ def draw_map(learned: Map, torque_unit: str) -> Figure:
     """A curve over one coordinate, colours over two."""
     figure, (axes,) = panels(height=3.2)
     names = list(map(_labelled, learned.coordinates, learned.units))
-    nodes = [
-        np.linspace(low, high, count)
-        for low, high, count in zip(learned.lower, learned.upper, learned.values.shape, strict=True)
-    ]
-    cells = [
-        np.linspace(low, high, count + 1)
-        for low, high, count in zip(learned.lower, learned.upper, learned.visited.shape, strict=True)
-    ]
+    ranges = list(zip(learned.lower, learned.upper, strict=True))
+    nodes = [np.linspace(*ends, count) for ends, count in zip(ranges, learned.values.shape, strict=True)]
+    cells = [np.linspace(*ends, count + 1) for ends, count in zip(ranges, learned.visited.shape, strict=True)]
     middles = np.stack(np.meshgrid(*(0.5 * (x[1:] + x[:-1]) for x in cells), indexing="ij"), axis=-1)
     values = np.where(learned.visited, RegularGridInterpolator(nodes, learned.values)(middles), np.nan)
     if len(nodes) == 1:
