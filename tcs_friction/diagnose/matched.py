@@ -5,6 +5,7 @@ Each order or place is normalised by what the whitening leaves of it at the spee
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -13,13 +14,14 @@ from scipy import ndimage
 
 from tcs_friction.diagnose.background import Background, probe, unit_size
 from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.free import pairs
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term
 
 PERIODS = 4.0  # over the travel, that make a torque periodic
 MOST_PERIODS = 3e4  # over the travel, of the highest order searched
 EXCESS_WIDTH = 2.0  # Hz
-APART = 0.5  # periods over the travel or the time
+APART = 0.5  # periods over the recording
 SPREAD = 2.0  # times the noise estimate, from which a strong line is looked at as a cause of what is beside it
 
 
@@ -53,18 +55,32 @@ def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarr
 
 
 def same_wave(balance: Balance, axis: Axis, one: Instance, other: Instance) -> bool:
-    """Whether two periodic effects are one: over the recording they differ by less than APART periods."""
-    if one.term is not other.term or not one.term.periodic:
+    """Whether two periodic effects are one wave: over the recording their phases part by less than APART periods.
+
+    One over time and one over the position are, where the axis moves steadily.
+    """
+    alike = one.term is other.term or one.term.periodic != other.term.periodic
+    if not (one.term.periodic and other.term.periodic and alike):
         return False
-    name = one.term.parameters[0].name
-    return abs(one.values[name] - other.values[name]) * periods(balance, axis, one.term) < APART
+    angles = [angle(balance, axis, item.term)[balance.train] for item in (one, other)]
+    return any(
+        float(np.ptp(k * angles[0] - m * angles[1])) < 2.0 * math.pi * APART
+        for k, m in itertools.product(_orders(one), _orders(other))
+    )
 
 
-def periods(balance: Balance, axis: Axis, term: Term) -> float:
-    """Periods over the recording of a wave of order one, or of 1 Hz."""
+def angle(balance: Balance, axis: Axis, term: Term) -> np.ndarray:
+    """Angle (n,) of a wave of order one, or of 1 Hz, rad."""
     if term.periodic == "time":
-        return float(np.ptp(balance.data.joined("t")))
-    return float(np.ptp(balance.data.joined("position"))) * axis.cycle / (2.0 * math.pi)
+        return np.asarray(2.0 * math.pi * balance.data.joined("t"))
+    return np.asarray(axis.cycle * balance.data.joined("position"))
+
+
+def _orders(item: Instance) -> list[float]:
+    """Orders, or frequencies, of a periodic effect's harmonics."""
+    waves = [p for p, phase in pairs(item.term.parameters) if phase is not None]
+    first = item.values[item.term.parameters[0].name]
+    return [first * number for number, p in enumerate(waves, 1) if item.values[p.name] != 0.0]
 
 
 def _order_spectrum(

@@ -35,7 +35,7 @@ from tcs_friction.diagnose.hypotheses import (
     together,
 )
 from tcs_friction.diagnose.joint import joined, judged, recovered, settle, without
-from tcs_friction.diagnose.matched import periods
+from tcs_friction.diagnose.matched import angle
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -174,8 +174,8 @@ def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
             continue
         ratio = other.values["order"] / one.values["order"]
         name = f"_{round(ratio)}"
-        apart = abs(ratio - round(ratio)) * one.values["order"] * periods(balance, fit.axis, one.term)
-        if apart > 1.0 or f"amplitude{name}" not in one.values:
+        apart = abs(ratio - round(ratio)) * one.values["order"] * float(np.ptp(angle(balance, fit.axis, one.term)))
+        if apart > 2.0 * math.pi or f"amplitude{name}" not in one.values:
             continue
         waves = [p.name for p in one.term.parameters if p.name.startswith("amplitude") and other.values[p.name] != 0.0]
         minor = waves == ["amplitude"] and other.values["amplitude"] < MINOR * one.values["amplitude"]

@@ -22,7 +22,7 @@ from tcs_friction.diagnose.candidates import implausible
 from tcs_friction.diagnose.condition import Conditioned, condition
 from tcs_friction.diagnose.hypotheses import gain_by_motion, starts
 from tcs_friction.diagnose.joint import settle
-from tcs_friction.diagnose.matched import spectrum
+from tcs_friction.diagnose.matched import same_wave, spectrum
 from tcs_friction.diagnose.parts import Memory, Parts
 from tcs_friction.physics import machine
 from tcs_friction.physics.registry import effect, effects
@@ -248,6 +248,25 @@ def test_what_is_hardly_there_or_there_twice_is_not_named(
     before = fit.axis.with_effect(wave)
     after = balance.fit(before.with_effect(instance(effect(name), values)), [], iterations=0)
     assert implausible(balance, before, after, len(before.effects)) is not named
+
+
+@pytest.mark.parametrize(("swing", "same"), [(0.02, True), (0.5, False)])
+def test_a_wave_over_time_is_one_over_the_position_where_the_axis_moves_steadily(swing: float, same: bool) -> None:
+    """At 0.5 rad/s the fourth wave per turn passes 0.318 times a second, its second harmonic 0.637 times."""
+    t = np.arange(0.0, 20.0, DT)
+    q = 0.5 * t + swing * np.sin(3.0 * t)
+    rng = np.random.default_rng(5)
+    balance = Balance(condition([Recording(t, q + 1e-7 * rng.normal(size=len(t)), rng.normal(size=len(t)))]))
+    harmonic = {"order": 4.0, "amplitude": 1.0, "phase": 0.0, "amplitude_2": 0.5, "phase_2": 1.0}
+    over_position, its_second = (
+        instance(effect("cogging"), values) for values in (harmonic, harmonic | {"amplitude": 0.0})
+    )
+    for frequency, item in ((1.0 / math.pi, over_position), (2.0 / math.pi, its_second)):
+        over_time = instance(effect("periodic_vibration"), {"frequency": frequency, "amplitude": 1.0, "phase": 0.0})
+        assert same_wave(balance, axis(), over_time, item) is same
+        assert same_wave(balance, axis(), item, over_time) is same
+    ripple = instance(effect("torque_ripple"), {"order": 4.0, "amplitude": 0.01, "phase": 0.0})
+    assert not same_wave(balance, axis(), ripple, over_position)
 
 
 def test_noise_of_the_torque_is_no_load_dependence() -> None:
