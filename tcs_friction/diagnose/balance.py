@@ -139,6 +139,14 @@ class Balance:
         white = self.whiten(self.residual(axis))
         return float(white @ white)
 
+    def spectrum(self, residual: np.ndarray) -> np.ndarray:
+        """Whitened squares of a residual (n,) on the train rows, by frequency in even steps up to half the rate."""
+        white = np.zeros(len(self.train))
+        white[self.rows] = self.whiten(residual)
+        power = np.abs(np.fft.rfft(white)) ** 2 / len(white)
+        power[1 : (len(white) + 1) // 2] *= 2.0
+        return np.asarray(power)
+
     def unwhiten(self, white: np.ndarray) -> np.ndarray:
         """The adjoint of `whiten`: (n,) series whose scalar product with any x is that of `white` with whitened x."""
         full = np.zeros(len(self.train))

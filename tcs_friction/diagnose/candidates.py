@@ -193,13 +193,8 @@ def _drop(
     balance: Balance, before: np.ndarray, after: np.ndarray, chosen: Callable[[np.ndarray], np.ndarray]
 ) -> float:
     """Drop of the whitened squares from one residual (n,) to another at the frequencies (Hz) that are chosen."""
-    powers = []
-    for residual in (before, after):
-        white = np.zeros(len(balance.train))
-        white[balance.rows] = balance.whiten(residual)
-        powers.append(np.abs(np.fft.rfft(white)) ** 2)
-    counted = chosen(np.fft.rfftfreq(len(white), balance.data.dt))
-    return float(2.0 * (powers[0] - powers[1])[counted].sum() / len(white))
+    counted = chosen(np.fft.rfftfreq(len(before), balance.data.dt))
+    return float(np.sum((balance.spectrum(before) - balance.spectrum(after))[counted]))
 
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:

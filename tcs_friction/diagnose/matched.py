@@ -57,15 +57,20 @@ def spectrum(background: Background, term: Term, view: Survey) -> tuple[np.ndarr
 def same_wave(balance: Balance, axis: Axis, one: Instance, other: Instance) -> bool:
     """Whether two periodic effects are one wave: over the recording their phases part by less than APART periods.
 
-    One over time and one over the position are, where the axis moves steadily.
+    Of two of a kind the first harmonics count. One over time and one over the position are one where the axis moves steadily.
     """
-    alike = one.term is other.term or one.term.periodic != other.term.periodic
-    if not (one.term.periodic and other.term.periodic and alike):
+    items = (one, other)
+    if not (one.term.periodic and other.term.periodic):
         return False
-    angles = [angle(balance, axis, item.term)[balance.train] for item in (one, other)]
+    if one.term is other.term:
+        orders = [[item.values[item.term.parameters[0].name]] for item in items]
+    elif one.term.periodic != other.term.periodic:
+        orders = [_orders(item) for item in items]
+    else:
+        return False
+    angles = [angle(balance, axis, item.term)[balance.train] for item in items]
     return any(
-        float(np.ptp(k * angles[0] - m * angles[1])) < 2.0 * math.pi * APART
-        for k, m in itertools.product(_orders(one), _orders(other))
+        float(np.ptp(k * angles[0] - m * angles[1])) < 2.0 * math.pi * APART for k, m in itertools.product(*orders)
     )
 
 

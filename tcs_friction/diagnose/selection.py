@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+from scipy import ndimage
 
 from tcs_friction.diagnose.background import Background
 from tcs_friction.diagnose.balance import Balance, Fit
@@ -35,7 +36,7 @@ from tcs_friction.diagnose.hypotheses import (
     together,
 )
 from tcs_friction.diagnose.joint import joined, judged, recovered, settle, without
-from tcs_friction.diagnose.matched import angle
+from tcs_friction.diagnose.matched import APART, angle
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
@@ -47,6 +48,7 @@ BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, 
 RIVALS = 6  # that compete for a chosen effect's place
 MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is no wave of its own
 MOST = 6  # effects
+NEIGHBOURS = 129  # frequencies, over which what is left counts as noise
 Progress = Callable[[float, str], None]
 
 
@@ -167,7 +169,7 @@ def searched_anew(balance: Balance, fit: Fit, indices: range) -> Fit:
 def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
     """The fit in which a small wave at a multiple of another one's order is its harmonic, and none is there twice.
 
-    Only where that explains as much.
+    Where they can be told apart, only if that explains as much.
     """
     for one, other in itertools.permutations(fit.axis.effects[believed:], 2):
         if one.term is not other.term or one.term.periodic != "position":
@@ -179,7 +181,8 @@ def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
             continue
         waves = [p.name for p in one.term.parameters if p.name.startswith("amplitude") and other.values[p.name] != 0.0]
         minor = waves == ["amplitude"] and other.values["amplitude"] < MINOR * one.values["amplitude"]
-        if one.values[f"amplitude{name}"] != 0.0:  # the wave is there twice
+        twice = one.values[f"amplitude{name}"] != 0.0
+        if twice:
             rest, numbers = fit.axis, {f"amplitude{name}": 0.0, f"phase{name}": 0.0}
         elif minor:
             rest = fit.axis.without_effect(other)
@@ -188,7 +191,8 @@ def as_harmonics(balance: Balance, fit: Fit, believed: int) -> Fit:
             continue
         items = tuple(item.replace(**numbers) if item is one else item for item in rest.effects)
         trial = settle(balance, replace(rest, effects=items), rounds=1)
-        if trial.squares < balance.squares(fit.axis) + SAME * balance.misfit(trial.axis):
+        one_wave = twice and apart < 2.0 * math.pi * APART
+        if one_wave or trial.squares < balance.squares(fit.axis) + SAME * balance.misfit(trial.axis):
             return as_harmonics(balance, trial, believed)
         balance.weigh(fit.axis)
     return fit
@@ -294,21 +298,21 @@ def prune(balance: Balance, fit: Fit, retuned: Fit, looks: Mapping[str, float] |
 
 
 def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
-    """The fit without effects that a torque of unknown cause, as large and as slow as what is left, explains by chance.
+    """The fit without effects that a torque of unknown cause, as large as what is left near each frequency, explains by chance.
 
-    Whitening is estimated from what does not repeat and does not reach down to slow torques; here the residual as it is counts
-    as noise, its density (one-sided, N^2 m^2/Hz) averaged over its own power. It may be far from Gaussian: odds are squared.
+    The noise is estimated from what does not repeat; here the residual as it is counts as noise, its lines by the neighbourhood
+    that they stand in. It may be far from Gaussian: odds are squared.
     """
     while len(fit.axis.effects) > believed:
-        residual = balance.residual(fit.axis)
-        power = np.abs(np.fft.rfft(np.where(balance.train, residual, 0.0))[1:]) ** 2
-        density = 2.0 * balance.data.dt * float(np.sum(power**2) / np.sum(power)) / balance.train.sum()
+        left = balance.spectrum(balance.residual(fit.axis))
+        even = 2.0 * len(balance.rows) / len(balance.train)  # of noise as estimated
+        power, squared = (ndimage.uniform_filter1d(x, NEIGHBOURS, mode="nearest") for x in (left, left**2))
+        times = np.maximum(0.5 * squared / np.maximum(power, 1e-300) / even, 1.0)  # chi-squared of two has twice its mean
         fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         margins = []
         for index, alone in enumerate(fewer, believed):
-            energy = float(np.sum(balance.residual(alone.axis)[balance.train] ** 2 - residual[balance.train] ** 2))
-            needed = chance(sum(f.owner == index for f in fit.free), 1.0 / FALSE_ALARM)
-            margins.append(energy * balance.data.dt - 0.5 * density * needed)
+            gain = float(np.sum((balance.spectrum(balance.residual(alone.axis)) - left) / times))
+            margins.append(gain - chance(sum(f.owner == index for f in fit.free), 1.0 / FALSE_ALARM))
         if min(margins) > 0.0:
             break
         fit = settle(balance, fewer[int(np.argmin(margins))].axis, rounds=1)

@@ -29,7 +29,7 @@ MATERIAL_IN_TIME = 0.5  # of the noise floor: rms in excess of a spectrum that i
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # relative to the mean number of observations of a coefficient
 FOLDS = 5
 PIECES = 20  # of the recording, in order, that maps must predict from the others
-ONCE = 0.1  # of a map's gain at least must come from other pieces than the best
+ONCE = 0.25  # of a map's gain at least must come from other pieces than the two best in a row
 PEAKS = 2  # of a spectrum that are tried
 SIMPLER = 0.9  # of the best map's explained power is enough for a simpler one
 
@@ -62,6 +62,26 @@ class _Judged:
     constant: float  # N m, that goes with them
 
 
+class _Rows:
+    """Rows that maps are fitted to and have to predict, raw and whitened, and a base that is fitted beside the map."""
+
+    def __init__(self, raw: np.ndarray, white: np.ndarray, base: np.ndarray, white_base: np.ndarray) -> None:
+        self.raw, self.white = raw, white  # (rows,) of the residual
+        self.base, self.white_base = base, white_base  # (rows, k)
+
+    def predicted(self, left: np.ndarray, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray) -> np.ndarray:
+        """Power (penalties, left rows), N^2 m^2, that a map's columns (rows, k) take away on rows that nothing was fitted to."""
+        rest = ~left
+        inverse = np.linalg.pinv(self.white_base[rest], rcond=1e-9)
+        follow, amounts = inverse @ white[rest], inverse @ self.white[rest]
+        some = white[rest] - self.white_base[rest] @ follow
+        normal, scores = some.T @ some, some.T @ self.white[rest]
+        fits = np.stack([np.linalg.solve(normal + p * roughness, scores) for p in PENALTIES])
+        before = self.raw[left] - self.base[left] @ amounts
+        after = before - fits @ (raw[left] - self.base[left] @ follow).T
+        return np.asarray(before**2 - after**2)
+
+
 class _Ground:
     """Coarse residual of an axis with its own parameters projected out, raw (chunks,) and whitened (m,)."""
 
@@ -80,6 +100,10 @@ class _Ground:
         self.mean = raw
         self.raw, self.white = self.project(raw)
         self.floor = balance.noise_floor(fit.axis)
+        self.pieces = np.arange(len(self.white)) * PIECES // len(self.white)
+        rows, none = self.coarse.rows, np.zeros((len(self.white), 0))
+        self.projected = _Rows(self.raw, self.white, none, none)  # the base has seen all rows
+        self.whole = _Rows(raw[rows], self.coarse.whiten(raw), self.base[rows], self.white_base)  # it sees what a map sees
 
     def project(self, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Raw and whitened rows of chunk means (chunks,) or (chunks, k) without what the base explains."""
@@ -217,7 +241,8 @@ def _chunks(ground: _Ground, product: Product) -> np.ndarray:
 
 def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judged:
     """Regression with every penalty: the best p-value and, where that is significant, the penalty that predicts best."""
-    raw, white = ground.project(_chunks(ground, product))
+    chunks = _chunks(ground, product)
+    raw, white = ground.project(chunks)
     normal, scores = white.T @ white, white.T @ ground.white
     roughness = product.roughness() * max(float(np.trace(normal)) / product.count, 1e-300)
     weights, vectors = linalg.eigh(normal, roughness)
@@ -230,11 +255,14 @@ def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judg
     log_p += math.log(tests * len(PENALTIES) * looks)
     if log_p > math.log(FALSE_ALARM):
         return _Judged(product, log_p, 0.0, np.zeros(product.count), 0.0)
-    powers = _predicted(ground, raw, white, roughness)
+    powers = np.minimum(  # what of a map the base has, too, may go on differently; without a map it may fit the rest less
+        _predicted(ground, ground.projected, raw, white, roughness),
+        _predicted(ground, ground.whole, chunks[ground.coarse.rows], ground.coarse.whiten(chunks), roughness),
+    )
     penalty = PENALTIES[int(np.argmax(powers))]
     coefficients = np.linalg.solve(normal + penalty * roughness, scores)
-    constant = ground.constant(_chunks(ground, product) @ coefficients)
-    return _Judged(product, log_p, max(powers), coefficients, constant)
+    constant = ground.constant(chunks @ coefficients)
+    return _Judged(product, log_p, float(powers.max()), coefficients, constant)
 
 
 def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
@@ -246,26 +274,20 @@ def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
     return float(stats.chi2.logsf(float(share @ squares) / scale, mean / scale))
 
 
-def _predicted(ground: _Ground, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray) -> list[float]:
-    """For each penalty the power of the residual (N^2 m^2) that a map takes away on pieces that it was not fitted to.
+def _predicted(
+    ground: _Ground, rows: _Rows, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray
+) -> np.ndarray:
+    """For each penalty the power (N^2 m^2) that a map's columns (rows, k) take away on pieces that they were not fitted to.
 
-    Zero when one piece gives nearly all of it: what happens once is no map.
+    Zero when one piece and the next give nearly all of it: what happens once is no map.
     """
-    pieces = np.arange(len(white)) * PIECES // len(white)
-    gains = np.zeros((len(PENALTIES), int(pieces[-1]) + 1))
-    normal, scores = white.T @ white, white.T @ ground.white
+    gains = np.zeros((len(PENALTIES), PIECES))
     for fold in range(FOLDS):
-        left = pieces % FOLDS == fold
-        some, target = white[left], ground.raw[left]
-        others, wanted = normal - some.T @ some, scores - some.T @ ground.white[left]
-        fits = [np.linalg.solve(others + p * roughness, wanted) for p in PENALTIES]
-        change = target**2 - (target - (raw[left] @ np.stack(fits, axis=1)).T) ** 2
-        for k, some_change in enumerate(change):
-            gains[k] += np.bincount(pieces[left], some_change, minlength=gains.shape[1])
-    total, most = gains.sum(axis=1), gains.max(axis=1)
-    return [
-        float(g / len(pieces)) if g - m > ONCE * g > 0.0 else 0.0 for g, m in zip(total, most, strict=True)
-    ]
+        left = ground.pieces % FOLDS == fold
+        for k, change in enumerate(rows.predicted(left, raw, white, roughness)):
+            gains[k] += np.bincount(ground.pieces[left], change, minlength=PIECES)
+    total, most = gains.sum(axis=1), (gains[:, 1:] + gains[:, :-1]).max(axis=1)
+    return np.where((total > 0.0) & (total - most > ONCE * total), total / len(raw), 0.0)
 
 
 def _table(judged: _Judged) -> Table:

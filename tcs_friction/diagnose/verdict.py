@@ -59,7 +59,7 @@ def diagnose(
     selection = select(balance, file.axis, tell, impossible, remains.are_hopeless)
     tell(0.75, "looking for structure that remains")
     plain = remains.is_plain_map(selection)
-    if remains.structure is not None and remains.structure.coordinates == ("time",):
+    if not plain:
         selection.chosen = outstanding(balance, selection.chosen, len(file.axis.effects))
         plain = remains.is_plain_map(selection)
     structure = remains.structure

@@ -167,6 +167,24 @@ def test_a_wave_at_twice_the_order_is_a_harmonic() -> None:
     assert as_harmonics(balance, fit, 1).axis == fit.axis, "what is believed stays as it is"
 
 
+def test_a_wave_whose_size_drifts_is_not_two_of_one_order() -> None:
+    """Of two of nearly the same order the sum drifts; the fourth harmonic of another wave would do for one of them."""
+
+    def waves(m: Motion) -> np.ndarray:
+        return 3.0 * np.cos(5.0 * m.q + 0.4) + (2.0 + m.t / m.t[-1]) * np.cos(20.0 * m.q)
+
+    balance, _ = settled(conditioned(np.random.default_rng(4), waves))
+    first = {"order": 5.0, "amplitude": 3.0, "phase": 0.4, "amplitude_4": 1.0, "phase_4": 3.0}
+    both = axis()
+    for numbers in (first, {"order": 20.01, "amplitude": 3.0, "phase": 0.0}):
+        both = both.with_effect(instance(effect("cogging"), numbers))
+    fit = settle(balance, both, rounds=1)
+    assert fit.axis.effects[0].values["amplitude_4"] > 0.1
+    one, other = as_harmonics(balance, fit, 0).axis.effects
+    assert (one.values["amplitude"], one.values["amplitude_4"]) == pytest.approx((3.0, 0.0), rel=0.05)
+    assert other.values["amplitude"] == pytest.approx(2.5, rel=0.05)
+
+
 @pytest.mark.parametrize(("torque", "found"), [(bump, ["local_friction_bump"]), (push_and_pull, [])])
 def test_a_place_passed_once_is_named_only_if_it_accounts_for_all_that_was_there(
     torque: Torque, found: list[str]
