@@ -100,6 +100,24 @@ def test_pendulum_on_a_servo(name: str, shared_data: Path) -> None:
     assert found.improved.held_out < 0.5 * found.retuned.held_out
 
 
+def test_load_dependent_friction_of_a_servo_is_not_to_be_seen(shared_data: Path) -> None:
+    """Real, four runs: beside gravity its coefficient has either sign and predicts no better. The effort is a voltage."""
+    coefficients, gains = [], []
+    for name in ("bam_sin_sin_kp200", "bam_sin_sin_kp800"):
+        folder = shared_data / "data" / name
+        file = load_axis(folder / "axis.yaml")
+        assert file.signals is not None
+        balance = Balance(condition(read_recordings([folder / "recording"], file.signals)))
+        gravity = instance(effect("imbalance"), {"amplitude": 5.0, "phase": 0.0})
+        loaded = instance(effect("load_dependent_friction"), {"coefficient": 0.1})
+        fits = [settle(balance, replace(file.axis, effects=some)) for some in ((gravity,), (gravity, loaded))]
+        plain, better = (float(np.std(balance.residual(fit.axis)[balance.held_out])) for fit in fits)
+        coefficients.append(fits[1].axis.effects[1].values["coefficient"])
+        gains.append(plain / better)
+    assert min(coefficients) < 0.0 < max(coefficients)
+    assert max(gains) < 1.05
+
+
 def test_slow_motor(shared_data: Path) -> None:
     """Real, 10 s, irregular sampling, one direction: cogging of 7 per turn, its second harmonic, and 28."""
     found = diagnosed(shared_data / "data" / "odrive_slow")
@@ -109,6 +127,18 @@ def test_slow_motor(shared_data: Path) -> None:
     assert any(order == pytest.approx(28.0, abs=0.3) for order in orders)
     assert not {"coulomb_asymmetry", "viscous_asymmetry", "periodic_vibration"} & {item.effect for item in found.effects}
     assert found.improved.held_out < 0.4 * found.retuned.held_out
+
+
+def test_motor_at_speed(shared_data: Path) -> None:
+    """Real, 30 s at several speeds: cogging of 72 per turn before all else, once, and the mains' second harmonic."""
+    found = diagnosed(shared_data / "data" / "laas_speed")
+    first, *others = [item.parameters["order"]["value"] for item in found.effects if item.effect == "cogging"]
+    assert found.effects[0].effect == "cogging"
+    assert first == pytest.approx(72.0, abs=0.02)
+    assert not any(abs(order - 72.0) < 0.5 for order in others)
+    lines = [item.parameters["frequency"]["value"] for item in found.effects if item.effect == "periodic_vibration"]
+    assert any(line == pytest.approx(120.0, abs=0.1) for line in lines)
+    assert found.improved.held_out < 0.25 * found.retuned.held_out
 
 
 def test_too_little_motion_is_no_match(shared_data: Path) -> None:
