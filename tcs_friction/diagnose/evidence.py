@@ -27,10 +27,11 @@ class Look:
 class Isolated:
     """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,).
 
-    Both as the torque that the effect demands: a spring's rises with the position.
+    Both as the torque that the effect demands: a spring's rises with the position. `title` tells it from others of its kind.
     """
 
     effect: str
+    title: str
     coordinate: str
     unit: str
     x: Array

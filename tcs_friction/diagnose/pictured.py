@@ -15,7 +15,7 @@ from tcs_friction.diagnose.coordinates import unit_of, values_of
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.diagnose.selection import Selection
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance
+from tcs_friction.physics.terms import Instance, unit_on
 
 PLOTTED = 6000  # samples in pictures
 CELLS = 80  # each way, in which a map is drawn
@@ -58,7 +58,10 @@ def _isolated(balance: Balance, axis: Axis, item: Instance, improved: np.ndarray
     period = where(item, axis)["period"]
     if period is not None and np.ptp(x) > FOLDED * period:
         coordinate, x = f"{coordinate}_within_a_period", x % period
-    return Isolated(item.term.id, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
+    title, first = item.term.id.replace("_", " "), item.term.parameters[0]
+    if item.term.periodic:
+        title += f", {first.name} {item.values[first.name]:.4g} {unit_on(axis.kind, first.unit)}"
+    return Isolated(item.term.id, title, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
 
 
 def _map(data: Conditioned, axis: Axis) -> Map | None:

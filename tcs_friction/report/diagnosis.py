@@ -46,6 +46,9 @@ from tcs_friction.report.numbers import interval, unbroken, with_error
 SIGNIFICANT = 0.01
 """p-value below which the atlas calls a coordinate one where the residual lives."""
 
+DWARFED = 3.0
+"""Times all others, from which the believed residual is drawn at a scale of its own."""
+
 WORDS = {
     "match": "the model matches",
     "parameters": "wrong parameters, no missing physics",
@@ -150,24 +153,28 @@ def _empty(axes: Axes, words: str) -> None:
     "Grey background: held out, never seen by a fit or a choice. Dashed: twice the noise floor.",
 )
 def draw_series(evidence: Evidence, noise_floor: float) -> Figure:
-    """Three panels at one scale, so that the eye compares."""
-    figure, grid = panels(3, height=1.5, width=9.0, sharex=True, sharey=True)
+    """Three panels at one scale, so that the eye compares; a belief so wrong that no other would be seen has its own."""
+    figure, grid = panels(3, height=1.5, width=9.0, sharex=True)
     models = (
         ("believed", evidence.believed, BELIEVED),
         ("retuned", evidence.retuned, RETUNED),
         ("improved", evidence.improved, IMPROVED),
     )
+    believed, *others = (1.3 * float(np.percentile(np.abs(values), 99.8)) for _, values, _ in models)
+    own = believed > DWARFED * max(others)
+    scale = max(others) if own else max(believed, *others)
     for axes, (name, values, color) in zip(grid, models, strict=True):
         _shade(axes, evidence)
         line(axes, evidence.t, values, color, lw=0.8)
         for sign in (-2.0, 2.0):
             axes.axhline(sign * noise_floor, color=MEASURED, lw=0.8, ls="--")
+        apart = own and axes is grid[0]
         rms = float(np.sqrt(np.mean(np.square(values))))
-        axes.set_title(f"{name}: {rms:.3g} {evidence.torque_unit} rms", color=color)
+        title = f"{name}: {rms:.3g} {evidence.torque_unit} rms"
+        axes.set_title(f"{title}, at a scale of its own" if apart else title, color=color)
+        axes.set_ylim(*((believed if apart else scale) * np.array([-1.0, 1.0])))
     grid[1].set_ylabel(f"residual ({evidence.torque_unit})")
     grid[-1].set_xlabel("time (s)")
-    everything = np.abs(np.concatenate([evidence.believed, evidence.improved]))
-    grid[0].set_ylim(*(1.3 * np.percentile(everything, 99.8) * np.array([-1.0, 1.0])))
     return figure
 
 
@@ -188,14 +195,14 @@ def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
             item.x[few], item.residual[few], ".", ms=2, color=MUTED, label="left when the rest is taken away"
         )
         order = np.argsort(item.x, kind="stable")
-        line(axes, item.x[order], item.fitted[order], IMPROVED, f"{item.effect}, fitted", lw=1.8)
+        line(axes, item.x[order], item.fitted[order], IMPROVED, f"{item.title}, fitted", lw=1.8)
         spread = 1.4 * np.percentile(np.abs(item.residual), 99.5)
         axes.set_ylim(-spread, spread)
         label(axes, _labelled(item.coordinate, item.unit), f"torque ({evidence.torque_unit})")
         legend(axes)
         return figure
 
-    return picture_of(f"effect_{index + 1}_{item.effect}", f"{item.effect} by itself.", draw)
+    return picture_of(f"effect_{index + 1}_{item.effect}", f"{item.title}, by itself.", draw)
 
 
 @drawn(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pytest
 
 from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
-from tcs_friction.report.diagnosis import write_report
+from tcs_friction.report.diagnosis import draw_series, write_report
+from tcs_friction.report.figures import STYLE
 from tcs_friction.report.numbers import unbroken
 
 RANDOM = np.random.default_rng(0)
@@ -38,7 +41,7 @@ def evidence() -> Evidence:
             look("exogenous:wind_speed", bins, 0.01, 0.4),
             look("direction", np.array([-1.0, 1.0]), 0.01, 0.5),
         ),
-        isolated=(Isolated("cogging", "position", "rad", POSITION, COGGING + NOISE, COGGING),),
+        isolated=(Isolated("cogging", "cogging, order 64 1/turn", "position", "rad", POSITION, COGGING + NOISE, COGGING),),
         runners_up=(RunnerUp("torque_ripple", 0.11, "needs a torque that <changes>"),),
         notes=("a gap of 3 s",),
     )
@@ -130,6 +133,16 @@ def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence,
         assert words in document
     assert document.index("every 0.0873 rad") < document.index("7.15 Hz")  # more telling, with a smaller share
     assert {entry.stem for entry in tmp_path.glob("*.png")} == {"where", "before_after", "effect_1_cogging"}
+
+
+@pytest.mark.parametrize(("times", "same"), [(1.0, True), (20.0, False)])
+def test_a_belief_far_off_does_not_hide_the_others(times: float, same: bool, evidence: Evidence) -> None:
+    with matplotlib.rc_context(STYLE):
+        figure = inspect.unwrap(draw_series)(replace(evidence, believed=times * evidence.believed), 0.3)
+    first, second, third = (axes.get_ylim() for axes in figure.axes)
+    assert second == third
+    assert (first == second) is same
+    assert ("at a scale of its own" in figure.axes[0].get_title(loc="left")) is not same
 
 
 @pytest.mark.parametrize("axes", [1, 2])
