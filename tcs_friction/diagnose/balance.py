@@ -147,6 +147,11 @@ class Balance:
         power[1 : (len(white) + 1) // 2] *= 2.0
         return np.asarray(power)
 
+    @property
+    def even(self) -> float:
+        """What noise as it is estimated has in a `spectrum` at each frequency."""
+        return 2.0 * len(self.rows) / len(self.train)
+
     def unwhiten(self, white: np.ndarray) -> np.ndarray:
         """The adjoint of `whiten`: (n,) series whose scalar product with any x is that of `white` with whitened x."""
         full = np.zeros(len(self.train))

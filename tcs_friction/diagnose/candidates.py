@@ -9,7 +9,7 @@ and on what sampling leaves behind: they have to explain a share of the noise po
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -37,7 +37,9 @@ FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing i
 MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
 CALM = 2.0  # times the noise power: amplification below which a mode must improve the torque balance
+DRIVEN, ANSWER = 10.0, 4.0  # times the noise power: of what is driven at least, of what answers it at most
 LEAST = 0.5  # of what an effect has to gain, that its torque must have: it cannot gain more by itself
+NEIGHBOURS = 129  # frequencies, over which the power near one of them is averaged
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 MOSTLY = 0.5  # of the noise power, from which that is the encoder's
 STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count
@@ -162,11 +164,13 @@ def _shown(
         yield beyond, needed + BEYOND * balance.effective_count
     if any(term.swings for term in terms):
         yield _calm_gain(balance, base, fit), needed
+        yield _driven_gain(balance, base, fit, base.axis.inertia * balance.parts.acceleration(base.axis)), needed
     for item in items:
         if follows_load(item.term):
             others = fit.axis.without_effect(item)
             by_motion = gain_by_motion(Background(balance, others, balance.free(others)), item)
             yield by_motion, threshold(balance, [item.term], 1, 1.0)
+            yield _driven_gain(balance, base, fit, balance.parts.rotor(base.axis)[0]), needed
 
 
 def gained(balance: Balance, base: Fit, fit: Fit, items: Sequence[Instance]) -> float:
@@ -176,8 +180,9 @@ def gained(balance: Balance, base: Fit, fit: Fit, items: Sequence[Instance]) -> 
     """
     if not any(item.term.filters for item in items):
         return base.squares - fit.squares
-    before, after = (balance.residual(x.axis) for x in (base, fit))
-    return _drop(balance, before, after, lambda frequency: balance.noise_share(frequency) < MOSTLY)
+    frequency = np.fft.rfftfreq(len(balance.train), balance.data.dt)
+    before, after = (balance.spectrum(balance.residual(x.axis)) for x in (base, fit))
+    return float(np.sum((before - after)[balance.noise_share(frequency) < MOSTLY]))
 
 
 def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
@@ -185,16 +190,22 @@ def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
 
     A logged torque that carries noise of its own is small divided by an antiresonance, whether the axis has one or not.
     """
-    before, after = (balance.torque_residual(x.axis) for x in (base, fit))
-    return _drop(balance, before, after, lambda frequency: np.abs(motion_gain(fit.axis, frequency)) ** 2 < CALM)
+    frequency = np.fft.rfftfreq(len(balance.train), balance.data.dt)
+    calm = np.abs(motion_gain(fit.axis, frequency)) ** 2 < CALM
+    before, after = (balance.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
+    return float(np.sum((before - after)[calm]))
 
 
-def _drop(
-    balance: Balance, before: np.ndarray, after: np.ndarray, chosen: Callable[[np.ndarray], np.ndarray]
-) -> float:
-    """Drop of the whitened squares from one residual (n,) to another at the frequencies (Hz) that are chosen."""
-    counted = chosen(np.fft.rfftfreq(len(before), balance.data.dt))
-    return float(np.sum((balance.spectrum(before) - balance.spectrum(after))[counted]))
+def _driven_gain(balance: Balance, base: Fit, fit: Fit, source: np.ndarray) -> float:
+    """Drop of the whitened squares where a source (n,), torque or inertial torque, is driven and no answer to noise.
+
+    A torque that is not logged moves the axis, and the controller answers it: noise of the residual is in both, in a loop that
+    is damped well with up to ANSWER times its power, and a multiple of them takes that share of it away. That is no gain.
+    """
+    times = ndimage.uniform_filter1d(balance.spectrum(source), NEIGHBOURS) / balance.even
+    driven = times > DRIVEN
+    before, after = (balance.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
+    return float(np.sum((before - after)[driven]) - ANSWER * balance.even * np.sum(1.0 / times[driven]))
 
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:

@@ -15,6 +15,7 @@ from tcs_friction.diagnose.background import Background
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.candidates import (
     FALSE_ALARM,
+    NEIGHBOURS,
     SAME,
     WINNING,
     Candidate,
@@ -48,7 +49,6 @@ BEHIND = 0.1  # of the best start's gain, from which a start is fitted jointly, 
 RIVALS = 6  # that compete for a chosen effect's place
 MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is no wave of its own
 MOST = 6  # effects
-NEIGHBOURS = 129  # frequencies, over which what is left counts as noise
 Progress = Callable[[float, str], None]
 
 
@@ -305,9 +305,8 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
     """
     while len(fit.axis.effects) > believed:
         left = balance.spectrum(balance.residual(fit.axis))
-        even = 2.0 * len(balance.rows) / len(balance.train)  # of noise as estimated
         power, squared = (ndimage.uniform_filter1d(x, NEIGHBOURS, mode="nearest") for x in (left, left**2))
-        times = np.maximum(0.5 * squared / np.maximum(power, 1e-300) / even, 1.0)  # chi-squared of two has twice its mean
+        times = np.maximum(0.5 * squared / np.maximum(power, 1e-300) / balance.even, 1.0)  # chi-squared of two has twice its mean
         fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         margins = []
         for index, alone in enumerate(fewer, believed):
