@@ -23,7 +23,7 @@ from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 
-STATED, UNSTATED = 0.25, 0.5  # periods of the recording, by which torque and position may be misaligned
+LEEWAY = 0.5  # periods of the recording, by which torque and position may be misaligned
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
@@ -83,9 +83,8 @@ class Balance:
 
     @property
     def leeway(self) -> float:
-        """s by which torque and position may be misaligned in the log, which is no physics: half its period, a quarter where
-        somebody states the delay."""
-        return (STATED if self.believed_delay > 0.0 else UNSTATED) * self.data.period
+        """s by which torque and position may be misaligned in the log, which is no physics: a torque is held for a period."""
+        return LEEWAY * self.data.period
 
     def residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque residual (n,), N m, where bodies that swing amplify noise of the motion as small as if they did not.
