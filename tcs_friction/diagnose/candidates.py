@@ -37,7 +37,7 @@ FALSE_ALARM = 0.01  # chance that any of the vocabulary is named where nothing i
 MATERIAL = 0.006  # of the noise power, for effects that feed on noise
 BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explain and no blurred signal does
 CALM = 2.0  # times the noise power: amplification below which a mode must improve the torque balance
-DRIVEN, ANSWER = 10.0, 4.0  # times the noise power: of what is driven at least, of what answers it at most
+DRIVEN, ANSWER = 100.0, 4.0  # times the noise power: of what is driven at least, of what answers it at most
 LEAST = 0.5  # of what an effect has to gain, that its torque must have: it cannot gain more by itself
 NEIGHBOURS = 129  # frequencies, over which the power near one of them is averaged
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
@@ -200,11 +200,13 @@ def _driven_gain(balance: Balance, base: Fit, fit: Fit, source: np.ndarray) -> f
     """Drop of the whitened squares where a source (n,), torque or inertial torque, is driven and no answer to noise.
 
     A torque that is not logged moves the axis, and the controller answers it: noise of the residual is in both, in a loop that
-    is damped well with up to ANSWER times its power, and a multiple of them takes that share of it away. That is no gain.
+    is damped well with up to ANSWER times its power, and a multiple of them takes that share of it away. That is no gain, nor is
+    a smaller residual of an axis that is smaller in all: noise is compared as the acceleration that it makes.
     """
     times = ndimage.uniform_filter1d(balance.spectrum(source), NEIGHBOURS) / balance.even
     driven = times > DRIVEN
     before, after = (balance.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
+    after = after * (base.axis.inertia / fit.axis.inertia) ** 2
     return float(np.sum((before - after)[driven]) - ANSWER * balance.even * np.sum(1.0 / times[driven]))
 
 
