@@ -139,7 +139,7 @@ class Balance:
         return float(white @ white)
 
     def spectrum(self, residual: np.ndarray) -> np.ndarray:
-        """Whitened squares of a residual (n,) on the train rows, by frequency in even steps up to half the rate."""
+        """Whitened squares of a residual (n,) on the train rows, at each of the `frequencies`."""
         white = np.zeros(len(self.train))
         white[self.rows] = self.whiten(residual)
         power = np.abs(np.fft.rfft(white)) ** 2 / len(white)
@@ -147,7 +147,12 @@ class Balance:
         return np.asarray(power)
 
     @property
-    def even(self) -> float:
+    def frequencies(self) -> np.ndarray:
+        """Even steps up to half the rate, Hz."""
+        return np.fft.rfftfreq(len(self.train), self.data.dt)
+
+    @property
+    def white_level(self) -> float:
         """What noise as it is estimated has in a `spectrum` at each frequency."""
         return 2.0 * len(self.rows) / len(self.train)
 

@@ -180,9 +180,8 @@ def gained(balance: Balance, base: Fit, fit: Fit, items: Sequence[Instance]) -> 
     """
     if not any(item.term.filters for item in items):
         return base.squares - fit.squares
-    frequency = np.fft.rfftfreq(len(balance.train), balance.data.dt)
     before, after = (balance.spectrum(balance.residual(x.axis)) for x in (base, fit))
-    return float(np.sum((before - after)[balance.noise_share(frequency) < MOSTLY]))
+    return float(np.sum((before - after)[balance.noise_share(balance.frequencies) < MOSTLY]))
 
 
 def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
@@ -190,8 +189,7 @@ def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
 
     A logged torque that carries noise of its own is small divided by an antiresonance, whether the axis has one or not.
     """
-    frequency = np.fft.rfftfreq(len(balance.train), balance.data.dt)
-    calm = np.abs(motion_gain(fit.axis, frequency)) ** 2 < CALM
+    calm = np.abs(motion_gain(fit.axis, balance.frequencies)) ** 2 < CALM
     before, after = (balance.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
     return float(np.sum((before - after)[calm]))
 
@@ -203,11 +201,11 @@ def _driven_gain(balance: Balance, base: Fit, fit: Fit, source: np.ndarray) -> f
     is damped well with up to ANSWER times its power, and a multiple of them takes that share of it away. That is no gain, nor is
     a smaller residual of an axis that is smaller in all: noise is compared as the acceleration that it makes.
     """
-    times = ndimage.uniform_filter1d(balance.spectrum(source), NEIGHBOURS) / balance.even
+    times = ndimage.uniform_filter1d(balance.spectrum(source), NEIGHBOURS) / balance.white_level
     driven = times > DRIVEN
     before, after = (balance.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
     after = after * (base.axis.inertia / fit.axis.inertia) ** 2
-    return float(np.sum((before - after)[driven]) - ANSWER * balance.even * np.sum(1.0 / times[driven]))
+    return float(np.sum((before - after)[driven]) - ANSWER * balance.white_level * np.sum(1.0 / times[driven]))
 
 
 def _widened(balance: Balance, axis: Axis, item: Instance) -> Axis:

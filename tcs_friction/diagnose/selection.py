@@ -306,7 +306,8 @@ def outstanding(balance: Balance, fit: Fit, believed: int) -> Fit:
     while len(fit.axis.effects) > believed:
         left = balance.spectrum(balance.residual(fit.axis))
         power, squared = (ndimage.uniform_filter1d(x, NEIGHBOURS, mode="nearest") for x in (left, left**2))
-        times = np.maximum(0.5 * squared / np.maximum(power, 1e-300) / balance.even, 1.0)  # chi-squared of two has twice its mean
+        local = 0.5 * squared / np.maximum(power, 1e-300)  # power-weighted mean; of chi-squared of two it is twice the mean
+        times = np.maximum(local / balance.white_level, 1.0)
         fewer = side_by_side(partial(without, balance, fit), range(believed, len(fit.axis.effects)))
         margins = []
         for index, alone in enumerate(fewer, believed):

@@ -62,24 +62,45 @@ class _Judged:
     constant: float  # N m, that goes with them
 
 
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    """Rows that are left for maps to predict: where they are, how the base follows the others, what it leaves of them (N m)."""
+
+    left: np.ndarray  # (rows,) bool
+    inverse: np.ndarray  # (k, others) of the base
+    before: np.ndarray
+
+
 class _Rows:
     """Rows that maps are fitted to and have to predict, raw and whitened, and a base that is fitted beside the map."""
 
     def __init__(self, raw: np.ndarray, white: np.ndarray, base: np.ndarray, white_base: np.ndarray) -> None:
-        self.raw, self.white = raw, white  # (rows,) of the residual
+        self.white = white  # (rows,) of the residual
         self.base, self.white_base = base, white_base  # (rows, k)
+        self.pieces = np.arange(len(white)) * PIECES // len(white)
+        self.folds = []
+        for fold in range(FOLDS):
+            left = self.pieces % FOLDS == fold
+            inverse = np.linalg.pinv(white_base[~left], rcond=1e-9)
+            self.folds.append(_Fold(left, inverse, raw[left] - base[left] @ (inverse @ white[~left])))
 
-    def predicted(self, left: np.ndarray, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray) -> np.ndarray:
-        """Power (penalties, left rows), N^2 m^2, that a map's columns (rows, k) take away on rows that nothing was fitted to."""
-        rest = ~left
-        inverse = np.linalg.pinv(self.white_base[rest], rcond=1e-9)
-        follow, amounts = inverse @ white[rest], inverse @ self.white[rest]
-        some = white[rest] - self.white_base[rest] @ follow
-        normal, scores = some.T @ some, some.T @ self.white[rest]
-        fits = np.stack([np.linalg.solve(normal + p * roughness, scores) for p in PENALTIES])
-        before = self.raw[left] - self.base[left] @ amounts
-        after = before - fits @ (raw[left] - self.base[left] @ follow).T
-        return np.asarray(before**2 - after**2)
+    def predicted(self, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray) -> np.ndarray:
+        """For each penalty the power (N^2 m^2) that a map's columns (rows, k) take away on pieces that nothing was fitted to.
+
+        Zero when one piece and the next give nearly all of it: what happens once is no map.
+        """
+        gains = np.zeros((len(PENALTIES), PIECES))
+        for fold in self.folds:
+            rest = ~fold.left
+            follow = fold.inverse @ white[rest]
+            some = white[rest] - self.white_base[rest] @ follow
+            normal, scores = some.T @ some, some.T @ self.white[rest]
+            fits = np.stack([np.linalg.solve(normal + p * roughness, scores) for p in PENALTIES])
+            after = fold.before - fits @ (raw[fold.left] - self.base[fold.left] @ follow).T
+            for k, change in enumerate(fold.before**2 - after**2):
+                gains[k] += np.bincount(self.pieces[fold.left], change, minlength=PIECES)
+        total, most = gains.sum(axis=1), (gains[:, 1:] + gains[:, :-1]).max(axis=1)
+        return np.where((total > 0.0) & (total - most > ONCE * total), total / len(raw), 0.0)
 
 
 class _Ground:
@@ -100,7 +121,6 @@ class _Ground:
         self.mean = raw
         self.raw, self.white = self.project(raw)
         self.floor = balance.noise_floor(fit.axis)
-        self.pieces = np.arange(len(self.white)) * PIECES // len(self.white)
         rows, none = self.coarse.rows, np.zeros((len(self.white), 0))
         self.projected = _Rows(self.raw, self.white, none, none)  # the base has seen all rows
         self.whole = _Rows(raw[rows], self.coarse.whiten(raw), self.base[rows], self.white_base)  # it sees what a map sees
@@ -256,8 +276,8 @@ def _judge(ground: _Ground, product: Product, looks: float, tests: int) -> _Judg
     if log_p > math.log(FALSE_ALARM):
         return _Judged(product, log_p, 0.0, np.zeros(product.count), 0.0)
     powers = np.minimum(  # what of a map the base has, too, may go on differently; without a map it may fit the rest less
-        _predicted(ground, ground.projected, raw, white, roughness),
-        _predicted(ground, ground.whole, chunks[ground.coarse.rows], ground.coarse.whiten(chunks), roughness),
+        ground.projected.predicted(raw, white, roughness),
+        ground.whole.predicted(chunks[ground.coarse.rows], ground.coarse.whiten(chunks), roughness),
     )
     penalty = PENALTIES[int(np.argmax(powers))]
     coefficients = np.linalg.solve(normal + penalty * roughness, scores)
@@ -272,22 +292,6 @@ def _log_p(share: np.ndarray, squares: np.ndarray) -> float:
         return 0.0
     scale = half_variance / mean
     return float(stats.chi2.logsf(float(share @ squares) / scale, mean / scale))
-
-
-def _predicted(
-    ground: _Ground, rows: _Rows, raw: np.ndarray, white: np.ndarray, roughness: np.ndarray
-) -> np.ndarray:
-    """For each penalty the power (N^2 m^2) that a map's columns (rows, k) take away on pieces that they were not fitted to.
-
-    Zero when one piece and the next give nearly all of it: what happens once is no map.
-    """
-    gains = np.zeros((len(PENALTIES), PIECES))
-    for fold in range(FOLDS):
-        left = ground.pieces % FOLDS == fold
-        for k, change in enumerate(rows.predicted(left, raw, white, roughness)):
-            gains[k] += np.bincount(ground.pieces[left], change, minlength=PIECES)
-    total, most = gains.sum(axis=1), (gains[:, 1:] + gains[:, :-1]).max(axis=1)
-    return np.where((total > 0.0) & (total - most > ONCE * total), total / len(raw), 0.0)
 
 
 def _table(judged: _Judged) -> Table:

@@ -101,7 +101,7 @@ def test_pendulum_on_a_servo(name: str, shared_data: Path) -> None:
 
 
 def test_load_dependent_friction_of_a_servo_is_not_to_be_seen(shared_data: Path) -> None:
-    """Real, four runs: beside gravity its coefficient has either sign and predicts no better. The effort is a voltage."""
+    """Real, two runs: beside gravity its coefficient has either sign and predicts no better. The effort is a voltage."""
     coefficients, gains = [], []
     for name in ("bam_sin_sin_kp200", "bam_sin_sin_kp800"):
         folder = shared_data / "data" / name
