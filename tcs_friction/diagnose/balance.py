@@ -10,24 +10,26 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft, ndimage, signal
 
+from tcs_friction.diagnose.attenuation import Attenuation, attenuation
+from tcs_friction.diagnose.bodies import motion_gain, swinging
 from tcs_friction.diagnose.condition import Conditioned, through
 from tcs_friction.diagnose.free import Free, at_bound, free_parameters, get, limited, moved, put
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance
 
 LEEWAY = 0.5  # periods of the recording, by which torque and position may be misaligned
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
 MOST_OF_MOTION = 0.9  # of the noise power: the drive always adds a little
+SMALL = 1e-4  # relative change that a derivative by the inertia is taken over
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 
 
@@ -56,6 +58,7 @@ class Balance:
         self.calm = np.array([1.0])
         self.responses: dict[tuple[int, bool], np.ndarray] = {}
         self.motion_share = np.zeros(2)  # of the noise power, by the encoder through the inertia, at even steps of frequency
+        self.attenuation = Attenuation()
         self.sizes = [len(s.train) for s in data.stretches]
         self.ends = np.cumsum([0, *self.sizes])
         self.train = data.joined("train")
@@ -134,17 +137,21 @@ class Balance:
         return self._whiten_all(x, calm)[self.rows] * (local if x.ndim == 1 else local[:, None])
 
     def squares(self, axis: Axis) -> float:
-        """Whitened sum of squares of an axis under the present weights."""
+        """Whitened sum of squares of an axis under the present weights, and what of it noise feigns to be less."""
         white = self.whiten(self.residual(axis))
-        return float(white @ white)
+        return float(white @ white) + self.attenuation.feigned(axis)
 
     def spectrum(self, residual: np.ndarray) -> np.ndarray:
         """Whitened squares of a residual (n,) on the train rows, at each of the `frequencies`."""
+        power = np.abs(self._transform(residual)) ** 2
+        power[1 : (len(self.train) + 1) // 2] *= 2.0
+        return np.asarray(power)
+
+    def _transform(self, residual: np.ndarray) -> np.ndarray:
+        """Of the whitened residual (n,), the other rows zero, at each of the `frequencies`; its squares add up to half theirs."""
         white = np.zeros(len(self.train))
         white[self.rows] = self.whiten(residual)
-        power = np.abs(np.fft.rfft(white)) ** 2 / len(white)
-        power[1 : (len(white) + 1) // 2] *= 2.0
-        return np.asarray(power)
+        return np.fft.rfft(white) / math.sqrt(len(white))
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -174,10 +181,20 @@ class Balance:
         return len(self.rows) * min(1.0, 2.0 * self.data.cutoff * self.data.dt)
 
     def weigh(self, axis: Axis) -> None:
-        """Take the noise, and where it is louder than usual, from an axis' residual."""
+        """Take the noise, where it is louder than usual, and what it feigns, from an axis' residual."""
         residual = self.residual(axis)
         self.estimate_noise(residual, axis.inertia)
         self.estimate_local_noise(residual)
+        self.estimate_attenuation(axis, residual)
+
+    def estimate_attenuation(self, axis: Axis, residual: np.ndarray) -> None:
+        """What of the residual's noise is in the acceleration, too."""
+        heavier = replace(axis, inertia=axis.inertia * (1.0 + SMALL))
+        inertial = (residual - self.residual(heavier, remember=False)) / SMALL
+        frequency = self.frequencies[self.frequencies < self.data.cutoff]
+        spectrum, motion = (self._transform(x)[: len(frequency)] for x in (residual, inertial))
+        noise = 0.5 * self.white_level
+        self.attenuation = attenuation(axis, frequency, spectrum, motion, noise, self.noise_share(frequency))
 
     def estimate_local_noise(self, residual: np.ndarray) -> None:
         """Weigh down the seconds in which the whitened residual is larger than usual.
@@ -341,7 +358,8 @@ class Balance:
         moving = np.ones(len(free), bool) if still is None else ~still
         residual = self.residual(axis)
         white = self.whiten(residual, calm)
-        cost = float(white @ white)
+        biased = Attenuation() if calm else self.attenuation
+        cost = float(white @ white) + biased.feigned(axis)
         damping, converged, numbers = 1e-4, False, start.copy()
         normal, foretold = np.diag(strength), False
         columns = np.empty((0, len(free)))
@@ -349,7 +367,7 @@ class Balance:
             if not foretold:
                 columns = self.jacobian(axis, free, residual, calm)
                 normal = columns.T @ columns + np.diag(strength)
-            gradient = columns.T @ white + strength * (numbers - start)
+            gradient = columns.T @ white + 0.5 * biased.slope(axis, free) + strength * (numbers - start)
             before, foretold = cost, False
             for _ in range(6):
                 diagonal = np.maximum(np.diag(normal), 1e-12 * max(float(np.max(np.diag(normal))), 1e-300))
@@ -362,6 +380,7 @@ class Balance:
                 trial_white = self.whiten(trial_residual, calm)
                 moved = get(trial, free)
                 trial_cost = float(trial_white @ trial_white + strength @ (moved - start) ** 2)
+                trial_cost += biased.feigned(trial)
                 if np.isfinite(trial_cost) and trial_cost < cost:
                     expected = -float(step @ (2.0 * gradient + normal @ step))
                     foretold = abs(cost - trial_cost - expected) < FORETOLD * expected
@@ -379,28 +398,13 @@ class Balance:
                 converged = True
                 break
         covariance = np.linalg.pinv(normal, hermitian=True)
-        squares = float(white @ white)
+        squares = float(white @ white) + biased.feigned(axis)
         return Fit(axis, tuple(free), covariance, squares, converged)
 
 
 def timing(axis: Axis, free: Sequence[Free]) -> np.ndarray:
     """Which free numbers (k,) say how much later the torque acts: alignment of the log, filters of the drive."""
     return np.array([f.owner == -3 or (f.owner >= 0 and axis.effects[f.owner].term.filters) for f in free], bool)
-
-
-def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
-    """Torque that an acceleration of the axis requires over that of its inertia alone, complex, at frequencies (n,), Hz."""
-    s = 2j * math.pi * frequency
-    gain = np.ones(len(s), dtype=complex)
-    for item in swinging(axis):
-        assert item.term.transfer is not None
-        gain += item.term.transfer(item.values, s)
-    return gain
-
-
-def swinging(axis: Axis) -> list[Instance]:
-    """Effects that are bodies with a linear response."""
-    return [item for item in axis.effects if item.term.swings]
 
 
 def rms(x: np.ndarray) -> float:
