@@ -19,15 +19,16 @@ from tcs_friction.diagnose.bodies import motion_gain, swinging
 from tcs_friction.diagnose.free import Free, moved
 from tcs_friction.physics.axis import Axis
 
-NEIGHBOURS = 129  # frequencies, over which the power near one of them is averaged
+ALIKE = 9  # frequencies, over which the power near one of them is averaged
+FEWEST = 8  # quiet blocks at a frequency, from which it says something
 QUIET = 10.0  # times the noise power: motion below it answers noise alone
 LINE = 16.0  # times the noise power: a line, and no noise
-KNOWN = 10.0  # times the power of quiet motion, that of driven motion from which a recording says what the inertia is
+KNOWN = 10.0  # times the power of quiet motion, that of all motion from which a recording says what the inertia is
 
 
 @dataclass(frozen=True, eq=False)
 class Attenuation:
-    """What noise feigns at blocks of frequencies (m,), Hz.
+    """What noise feigns at frequencies (m,), Hz.
 
     `whole`, `bodies` (m,): whitened squares that noise takes away for each unit by which the logarithm of the moving inertia is
     smaller, by the inertia or by bodies that swing on it. `inertia`: that of the axis whose noise it is, kg m^2.
@@ -55,21 +56,28 @@ class Attenuation:
 
 
 def attenuation(
-    axis: Axis, frequency: np.ndarray, residual: np.ndarray, inertial: np.ndarray, noise: float, allowed: np.ndarray
+    axis: Axis,
+    driven: float,
+    frequency: np.ndarray,
+    residual: np.ndarray,
+    inertial: np.ndarray,
+    count: float,
+    allowed: np.ndarray,
 ) -> Attenuation:
-    """From the spectra of an axis' whitened residual and inertial torque, both (n,) complex at frequencies in even steps.
+    """From spectra (blocks, m) of an axis' whitened residual and inertial torque, noise of the residual one, at `frequency` (m,).
 
-    `noise`: power of noise in the residual's; `allowed` (n,): share of it that the residual takes out of bodies by itself. Where
-    hardly anything drives the axis its inertia is not known, and the one that predicts best stays.
+    `driven`: all squares of the whitened inertial torque; `count`: whitened numbers that each frequency stands for; `allowed`
+    (m,): share of the noise that the residual takes out of bodies by itself. Where hardly anything drives the axis its inertia is
+    not known, and the one that predicts best stays.
     """
     power = np.abs(inertial) ** 2
-    driven = ndimage.uniform_filter1d(power, NEIGHBOURS, mode="nearest") > QUIET * noise
-    quiet = np.flatnonzero(~driven & (np.abs(residual) ** 2 < LINE * noise))
-    if len(quiet) < NEIGHBOURS or np.sum(power[driven]) < KNOWN * np.sum(power[~driven]):
+    calm = ndimage.uniform_filter1d(power, ALIKE, axis=1, mode="nearest") < QUIET
+    quiet = calm & (np.abs(residual) ** 2 < LINE)
+    known = np.flatnonzero(np.sum(quiet, axis=0) >= FEWEST)
+    answers = count * len(frequency) * np.mean(power, where=quiet) if len(known) else math.inf
+    if driven < KNOWN * answers:
         return Attenuation()
-    common = ndimage.uniform_filter1d(-(np.conj(residual) * inertial).real[quiet], NEIGHBOURS, mode="nearest")
-    common = np.interp(np.arange(len(frequency)), quiet, common)
-    starts = np.arange(0, len(frequency), NEIGHBOURS)
-    counts = np.diff(np.append(starts, len(frequency)))
-    whole, bodies = (4.0 * np.add.reduceat(x, starts) for x in (common, common - noise * allowed))
-    return Attenuation(axis.inertia, np.add.reduceat(frequency, starts) / counts, whole, bodies)
+    common = np.mean(-(np.conj(residual) * inertial).real[:, known], axis=0, where=quiet[:, known])
+    common = ndimage.uniform_filter1d(common, ALIKE, mode="nearest")
+    share = np.interp(frequency, np.append(0.0, frequency[known]), np.append(0.0, common))  # a loop has no error at rest
+    return Attenuation(axis.inertia, frequency, 2.0 * count * share, 2.0 * count * (share - allowed))

@@ -78,8 +78,6 @@ def survey(balance: Balance, axis: Axis) -> Survey:
     position, speed = data.joined("position"), np.abs(data.joined("velocity"))
     moving = speed[speed > 3.0 * data.velocity_noise]
     moving = moving if len(moving) > 20 else speed
-    values = axis.friction.values
-    stiffness = values.get("stiffness", math.inf)
     begin = min(float(s.t[0]) for s in data.stretches)
     end = max(float(s.t[-1]) for s in data.stretches)
     return Survey(
@@ -91,8 +89,8 @@ def survey(balance: Balance, axis: Axis) -> Survey:
         cutoff=data.cutoff,
         resolution=data.position_noise,
         inertia=axis.inertia,
-        level=values["coulomb"],
-        bristle=values["coulomb"] / stiffness,
+        level=axis.friction.values["coulomb"],
+        bristle=axis.bristle,
     )
 
 

@@ -24,7 +24,8 @@ from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 
-LEEWAY = 0.5  # periods of the recording, by which torque and position may be misaligned
+EARLY, LATE = 0.5, 0.25  # periods of the recording, by which a torque may act earlier or later than stated
+UNSTATED = 0.5  # by which it may act later where nothing is stated
 LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
@@ -81,13 +82,16 @@ class Balance:
         if any(item.term.id == "transport_delay" for item in axis.effects):
             return free
         believed = self.believed_delay
-        bounds = (max(believed - self.leeway, 0.0), believed + self.leeway)
+        bounds = (max(believed - EARLY * self.data.period, 0.0), believed + self.leeway)
         return [*free, Free(-3, "actuation_delay", "plain", 1e-3 * self.data.dt, bounds=bounds)]
 
     @property
     def leeway(self) -> float:
-        """s by which torque and position may be misaligned in the log, which is no physics: a torque is held for a period."""
-        return LEEWAY * self.data.period
+        """s by which a torque may act later than the log has it, which is no physics: half its period, less if a delay is stated.
+
+        It is held for a period, so half of it acts earlier whatever is stated.
+        """
+        return (LATE if self.believed_delay > 0.0 else UNSTATED) * self.data.period
 
     def residual(self, axis: Axis, remember: bool = True) -> np.ndarray:
         """Torque residual (n,), N m, where bodies that swing amplify noise of the motion as small as if they did not.
@@ -143,15 +147,15 @@ class Balance:
 
     def spectrum(self, residual: np.ndarray) -> np.ndarray:
         """Whitened squares of a residual (n,) on the train rows, at each of the `frequencies`."""
-        power = np.abs(self._transform(residual)) ** 2
+        power = np.abs(np.fft.rfft(self._filled(self.whiten(residual)))) ** 2 / len(self.train)
         power[1 : (len(self.train) + 1) // 2] *= 2.0
         return np.asarray(power)
 
-    def _transform(self, residual: np.ndarray) -> np.ndarray:
-        """Of the whitened residual (n,), the other rows zero, at each of the `frequencies`; its squares add up to half theirs."""
-        white = np.zeros(len(self.train))
-        white[self.rows] = self.whiten(residual)
-        return np.fft.rfft(white) / math.sqrt(len(white))
+    def _filled(self, white: np.ndarray) -> np.ndarray:
+        """Whitened rows among zeros (n,)."""
+        full = np.zeros(len(self.train))
+        full[self.rows] = white
+        return full
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -165,8 +169,7 @@ class Balance:
 
     def unwhiten(self, white: np.ndarray) -> np.ndarray:
         """The adjoint of `whiten`: (n,) series whose scalar product with any x is that of `white` with whitened x."""
-        full = np.zeros(len(self.train))
-        full[self.rows] = white * np.sqrt(self.local_weight[self.rows])
+        full = self._filled(white * np.sqrt(self.local_weight[self.rows]))
         return self._whiten_all(full)  # the filter is symmetric
 
     def whitening_gain(self, frequency: np.ndarray) -> np.ndarray:
@@ -191,10 +194,13 @@ class Balance:
         """What of the residual's noise is in the acceleration, too."""
         heavier = replace(axis, inertia=axis.inertia * (1.0 + SMALL))
         inertial = (residual - self.residual(heavier, remember=False)) / SMALL
-        frequency = self.frequencies[self.frequencies < self.data.cutoff]
-        spectrum, motion = (self._transform(x)[: len(frequency)] for x in (residual, inertial))
-        noise = 0.5 * self.white_level
-        self.attenuation = attenuation(axis, frequency, spectrum, motion, noise, self.noise_share(frequency))
+        white = [self.whiten(x) for x in (residual, inertial)]
+        frequency, spectra = self._blocks([self._filled(x) for x in white])
+        inside = frequency < self.data.cutoff
+        noise, motion = (x[:, inside] for x in spectra)
+        driven, count = float(white[1] @ white[1]), len(self.rows) / len(frequency)
+        frequency = frequency[inside]
+        self.attenuation = attenuation(axis, driven, frequency, noise, motion, count, self.noise_share(frequency))
 
     def estimate_local_noise(self, residual: np.ndarray) -> None:
         """Weigh down the seconds in which the whitened residual is larger than usual.
@@ -280,23 +286,31 @@ class Balance:
     def noise_spectrum(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies (Hz) and robust power density of what a residual has beside its reproducible part, train data, N m^2/Hz."""
         residual = self.reproducible.remove(residual)
+        frequency, (blocks,) = self._blocks([residual])
+        if not len(blocks):
+            even = np.linspace(0.0, 0.5 / self.data.dt, 17)
+            return even, np.full(17, 2.0 * self.data.dt * np.var(residual[self.train]))
+        middle = 2.0 * self.data.dt * np.median(np.abs(blocks) ** 2, axis=0) / math.log(2.0)
+        middle[0] = middle[1]
+        middle = ndimage.median_filter(middle, max(3, (len(frequency) - 1) // 32 * 2 + 1), mode="reflect")
+        return frequency, np.maximum(middle, 1e-12 * middle.max())
+
+    def _blocks(self, series: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Frequencies (m,), Hz, and spectra (blocks, m) of windowed train data of series (n,); of white noise its deviation."""
         length = 1 << max(5, min(10, int(math.log2(max(len(self.rows) / 24.0, 32)))))
         window = signal.get_window("hann", length)
-        scale = 2.0 * self.data.dt / np.sum(window**2)
-        blocks = []
-        for a, b in zip(self.ends[:-1], self.ends[1:], strict=True):
-            for begin in range(a, b - length + 1, length // 2):
-                if self.train[begin : begin + length].all():
-                    piece = residual[begin : begin + length]
-                    blocks.append(scale * np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2)
-        if not blocks:
-            return np.linspace(0.0, 0.5 / self.data.dt, 17), np.full(
-                17, 2.0 * self.data.dt * np.var(residual[self.train])
-            )
-        middle = np.median(blocks, axis=0) / math.log(2.0)
-        middle[0] = middle[1] if len(middle) > 1 else middle[0]
-        middle = ndimage.median_filter(middle, max(3, length // 64 * 2 + 1), mode="reflect")
-        return np.fft.rfftfreq(length, self.data.dt), np.maximum(middle, 1e-12 * middle.max())
+        window /= math.sqrt(np.sum(window**2))
+        begins = [
+            begin
+            for a, b in itertools.pairwise(self.ends)
+            for begin in range(a, b - length + 1, length // 2)
+            if self.train[begin : begin + length].all()
+        ]
+        spectra = []
+        for x in series:
+            pieces = np.stack([x[begin : begin + length] for begin in begins]) if begins else np.empty((0, length))
+            spectra.append(fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)), axis=1))
+        return np.fft.rfftfreq(length, self.data.dt), spectra
 
     def noise_floor(self, axis: Axis) -> float:
         """N m rms of the robust spectrum of an axis' residual."""

@@ -16,7 +16,6 @@ from functools import partial
 import numpy as np
 from scipy import ndimage, stats
 
-from tcs_friction.diagnose.attenuation import NEIGHBOURS
 from tcs_friction.diagnose.background import Background, survey
 from tcs_friction.diagnose.balance import Balance, Fit, rms
 from tcs_friction.diagnose.bodies import motion_gain
@@ -41,6 +40,7 @@ BEYOND = 1.5e-3  # of the noise power beyond chance, that collisions must explai
 CALM = 2.0  # times the noise power: amplification below which a mode must improve the torque balance
 DRIVEN, ANSWER = 100.0, 4.0  # times the noise power: of what is driven at least, of what answers it at most
 LEAST = 0.5  # of what an effect has to gain, that its torque must have: it cannot gain more by itself
+NEIGHBOURS = 129  # frequencies, over which the power near one of them is averaged
 LARGEST = 1.2  # of the logged torque's rms: a larger effect cancels against another one and is no physics
 MOSTLY = 0.5  # of the noise power, from which that is the encoder's
 STEPS, WINNING = 3, 0.5  # of a joint fit half way; of the best gain there, or of the fitted one where confirmed, to count

@@ -38,6 +38,7 @@ UNEVEN, MOST_WHOLE = 0.01, 0.99  # by which a multiple of a step may miss, share
 BLURRED = 0.5  # of a step, noise that leaves less than a hundredth of its waves
 HELD_OUT = 0.25  # share of the data
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+MOST_UNKNOWN = 0.1  # of a stretch, that may be left out because friction remembers what was before
 BLOCKS = 16  # at most, that a lone recording is cut into to hold some out
 BLOCK_EDGES = 5.0  # a block is at least so many times as long as the edge that is lost between two
 
@@ -162,10 +163,11 @@ def step_of(position: np.ndarray) -> float:
     return float(steps.min()) if np.mean(whole) > MOST_WHOLE else 0.0
 
 
-def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditioned:
+def condition(recordings: Sequence[Recording], held_out: bool = True, memory: float = 0.0) -> Conditioned:
     """Put recordings onto a common filtered time base and cut off the held-out data.
 
-    With several recordings whole ones are held out, otherwise blocks of the one there is.
+    With several recordings whole ones are held out, otherwise blocks of the one there is. What was before a stretch is unknown:
+    it is not compared until it has moved over `memory` (rad), where it does so within MOST_UNKNOWN of its length.
 
     Raises InputError when the data cannot carry a torque balance: too short, no motion, no torque.
     """
@@ -214,7 +216,7 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
     stretches = []
     for part, mask, block in zip(parts, masks, blocks, strict=True):
         usable = np.zeros(len(mask), bool)
-        usable[edge:-edge] = True
+        usable[max(edge, _unknown(part["position"][::stride], memory)) : -edge] = True
         gap = ndimage.binary_dilation(mask, iterations=edge) if mask.any() else mask
         stretches.append(Stretch(**part, train=usable & ~gap, held_out=usable & mask, piece=block))
     temperature = all(r.temperature is not None for r in recordings)
@@ -235,6 +237,13 @@ def condition(recordings: Sequence[Recording], held_out: bool = True) -> Conditi
         temperature,
         tuple(notes),
     )
+
+
+def _unknown(position: np.ndarray, memory: float) -> int:
+    """Samples of a stretch until its positions (n,) have spread over `memory`, 0 if that takes too many of them."""
+    spread = np.maximum.accumulate(position) - np.minimum.accumulate(position)
+    count = int(np.searchsorted(spread, memory))
+    return count if count < MOST_UNKNOWN * len(position) else 0
 
 
 def check(recordings: Sequence[Recording]) -> None:

@@ -11,11 +11,11 @@ from functools import partial
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.attenuation import NEIGHBOURS
 from tcs_friction.diagnose.background import Background
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.candidates import (
     FALSE_ALARM,
+    NEIGHBOURS,
     SAME,
     WINNING,
     Candidate,

@@ -20,13 +20,20 @@ def statement(
     limits: Sequence[str],
     kind: str,
     mapped: bool = False,
+    late: float = 0.0,
 ) -> str:
-    """What was found, how much it matters, how well it is proven, what the data cannot say; `mapped`: with a learned map."""
+    """What was found, how much it matters, how well it is proven, what the data cannot say.
+
+    `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters.
+    """
     unit = unit_of("torque", kind)
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
     floor = f"noise floor {noise_floor:.3g} {unit}"
     if verdict == "match":
-        text = f"The model matches the recording: its residual on held-out data, {held['believed']} {unit}, is noise ({floor})."
+        text = f"The model matches the recording: its residual on held-out data, {held['retuned']} {unit}, is noise ({floor})."
+        if late:
+            when = f"{abs(1e3 * late):.2g} ms {'later' if late > 0.0 else 'earlier'} than stated"
+            text += f" Its torque acts {when}, within the log's sampling."
     elif verdict == "parameters":
         text = (
             f"No physics is missing, but parameters are off: retuning takes the held-out residual from {held['believed']}"

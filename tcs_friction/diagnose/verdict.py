@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from tcs_friction.recording.recording import Recording
 
 RETUNED = 1.05  # the believed residual over the retuned one from which parameters are called wrong
 REST = 0.1  # of the power that the named effects explain, from which what remains is the verdict
+FORGOTTEN = 10.0  # bristle deflections, after which friction has forgotten how they were before the recording
 FAR = 2.0  # noise floors, from which a residual is not noise whatever it looks like
 
 Progress = Callable[[float, str], None]
@@ -50,7 +51,7 @@ def diagnose(
             progress(share, what)
 
     tell(0.02, "conditioning the recording")
-    data = condition(recordings)
+    data = condition(recordings, memory=FORGOTTEN * file.axis.bristle)
     check_units(data, file.axis)
     balance = Balance(data, file.axis.actuation_delay)
     tell(0.1, "retuning what the model has")
@@ -91,11 +92,12 @@ class _Judge:
         floor = self.balance.noise_floor(axes["improved"])
         unexplained = self._unexplained(errors, floor)
         verdict = self._verdict(errors, unexplained, found)
+        late = self.fit.axis.actuation_delay - self.file.axis.actuation_delay if _worse(errors["believed"], errors) else 0.0
         runs = {name: free_run(self.data, axis) for name, axis in axes.items()}
         lines = (*limits(self.data, self.file.axis), *passed_once(self.data, self._vocabulary()))
         return Diagnosis(
             verdict=verdict,
-            statement=statement(verdict, found, unexplained, errors, floor, lines, self.fit.axis.kind, self._is_mapped()),
+            statement=statement(verdict, found, unexplained, errors, floor, lines, self.fit.axis.kind, self._is_mapped(), late),
             effects=found,
             unexplained=unexplained,
             noise_floor=floor,
@@ -133,11 +135,11 @@ class _Judge:
             return "unexplained"
         if found:
             return "missing_physics"
+        aligned = replace(self.file.axis, actuation_delay=self.fit.axis.actuation_delay)
         spread = max(1.0, self.fit.squares / self.balance.effective_count)
-        gain = (self.balance.squares(self.file.axis) - self.fit.squares) / spread
-        needed = chance(len(self.fit.free), 1.0)
-        worse = errors["believed"].train > RETUNED * errors["retuned"].train
-        return "parameters" if gain > needed and worse else "match"
+        gain = (self.balance.squares(aligned) - self.fit.squares) / spread
+        worse = _worse(self._errors(self.balance.residual(aligned)), errors)
+        return "parameters" if gain > chance(len(self.fit.free), 1.0) and worse else "match"
 
     def _unexplained(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
         """Structure that remains; where none is found, a residual far above the noise is structure in time.
@@ -215,6 +217,11 @@ class _Judge:
             if experiment is not None:
                 return experiment
         return None
+
+
+def _worse(one: Errors, errors: Mapping[str, Errors]) -> bool:
+    """Whether an axis' residual is larger than the retuned one's by more than goes unnoticed."""
+    return one.train > RETUNED * errors["retuned"].train
 
 
 def _names(rivals: Rivals, name: str) -> bool:

@@ -70,6 +70,12 @@ class Axis:
         return 1.0 if self.kind == "rotary" else 2.0 * math.pi
 
     @property
+    def bristle(self) -> float:
+        """Travel (rad) in which the law's dry friction builds up, 0 for a law without bristles."""
+        values = self.friction.values
+        return values["coulomb"] / values["stiffness"] if values.get("stiffness", 0.0) > 0.0 else 0.0
+
+    @property
     def terms(self) -> tuple[Instance, ...]:
         """All terms in the order they act: drive, scale, law, opposing, body, sensor."""
         order = list(Place)
