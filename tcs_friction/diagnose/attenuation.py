@@ -46,6 +46,11 @@ class Attenuation:
             feigned -= float(self.bodies @ np.log(np.abs(motion_gain(axis, self.frequency))))
         return feigned
 
+    def in_torque(self, axis: Axis) -> np.ndarray:
+        """Whitened squares at each frequency (m,) that an axis' torque residual owes to noise alone."""
+        moved = np.abs(motion_gain(axis, self.frequency)) * axis.inertia / self.inertia
+        return -self.whole * np.log(moved)
+
     def slope(self, axis: Axis, free: Sequence[Free]) -> np.ndarray:
         """Derivative of `feigned` by the free numbers (k,)."""
         slope = np.zeros(len(free))

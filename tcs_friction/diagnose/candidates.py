@@ -165,7 +165,6 @@ def _shown(
         yield beyond, needed + BEYOND * balance.effective_count
     if any(term.swings for term in terms):
         yield _calm_gain(balance, base, fit), needed
-        yield _driven_gain(balance, base, fit, base.axis.inertia * balance.parts.acceleration(base.axis)), needed
     for item in items:
         if follows_load(item.term):
             others = fit.axis.without_effect(item)
@@ -190,9 +189,14 @@ def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
 
     A logged torque that carries noise of its own is small divided by an antiresonance, whether the axis has one or not.
     """
-    calm = np.abs(motion_gain(fit.axis, balance.frequencies)) ** 2 < CALM
+    def calm(frequency: np.ndarray) -> np.ndarray:
+        few = balance.noise_share(frequency) < MOSTLY
+        return few & (np.abs(motion_gain(fit.axis, frequency)) ** 2 < CALM)
+
     before, after = (balance.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
-    return float(np.sum((before - after)[calm]))
+    noise = balance.attenuation
+    feigned = noise.in_torque(base.axis) - noise.in_torque(fit.axis)
+    return float(np.sum((before - after)[calm(balance.frequencies)]) + np.sum(feigned[calm(noise.frequency)]))
 
 
 def _driven_gain(balance: Balance, base: Fit, fit: Fit, source: np.ndarray) -> float:
