@@ -32,6 +32,7 @@ from tcs_friction.diagnose.hypotheses import (
     all_starts,
     climbed,
     dispersion,
+    eligible,
     name_of,
     starts,
     together,
@@ -41,6 +42,7 @@ from tcs_friction.diagnose.matched import APART, angle
 from tcs_friction.diagnose.side_by_side import side_by_side
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
+from tcs_friction.physics.terms import Instance
 
 ALIKE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 IMPERFECT, IMPERFECT_AT_MOST = 1e-3, 0.02  # of the power that others explain, of the noise power: what their errors may leave
@@ -240,12 +242,12 @@ def challengers(selection: Selection, fit: Fit, index: int) -> list[Start]:
 def contest(
     balance: Balance, fit: Fit, index: int, rivals: Sequence[Start]
 ) -> tuple[Fit, Rivals]:
-    """Let rivals compete for one effect's place; swap where one does better."""
+    """Let rivals compete for one effect's place; swap where one does better, or as well through the same signal with less."""
     alone = judged(balance, without(balance, fit, index))
     spread = max(1.0, fit.squares / balance.effective_count)
     item = fit.axis.effects[index]
     gain = gained(balance, alone, judged(balance, fit), [item]) / spread
-    refined = refine(balance, alone.axis, close_behind(rivals), alone, spread)
+    refined = refine(balance, alone.axis, close_behind([*rivals, *_through_the_same(balance, alone, item)]), alone, spread)
     fitted = {id(candidate.fit): candidate.gain for candidate in refined}
     candidates = [  # the effect in place had its own confirmation: gains are compared as fitted
         replace(c, gain=fitted[id(c.fit)]) if c.gain > WINNING * fitted[id(c.fit)] else c
@@ -254,15 +256,26 @@ def contest(
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
     same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)
-    if candidates and candidates[0].score > gain - threshold(balance, [item.term], count, 1.0) + same:
-        best = candidates[0]
+    better = [c for c in candidates[:1] if c.score > gain - threshold(balance, [item.term], count, 1.0) + same]
+    better += [c for c in candidates if c.items[0].signal and c.start.count < count and c.gain > gain - same]
+    if better:
+        best = better[0]
         order = [*range(index), len(best.fit.axis.effects) - 1, *range(index, len(best.fit.axis.effects) - 1)]
         swapped = replace(best.fit.axis, effects=tuple(best.fit.axis.effects[i] for i in order))
         settled = settle(balance, swapped, rounds=1)
         if not impossible(balance, settled, index):
-            return settled, Rivals(alone, same, best.gain, candidates[1:])
+            return settled, Rivals(alone, same, best.gain, [c for c in candidates if c is not best])
         balance.weigh(fit.axis)
     return fit, Rivals(alone, same, gain, candidates)
+
+
+def _through_the_same(balance: Balance, alone: Fit, item: Instance) -> list[Start]:
+    """Starts of other effects that act through an effect's recorded signal: a general one hides its special cases."""
+    if item.signal is None:
+        return []
+    background = Background(balance, alone.axis, alone.free)
+    others = [term for term, signal in eligible(alone.axis, balance) if signal == item.signal and term is not item.term]
+    return [start for term in others for start in starts(background, term, item.signal)[:1]]
 
 
 def imperfection(balance: Balance, retuned: Fit, fit: Fit) -> float:
