@@ -247,7 +247,8 @@ def contest(
     spread = max(1.0, fit.squares / balance.effective_count)
     item = fit.axis.effects[index]
     gain = gained(balance, alone, judged(balance, fit), [item]) / spread
-    refined = refine(balance, alone.axis, close_behind([*rivals, *_through_the_same(balance, alone, item)]), alone, spread)
+    rivals = [*rivals, *_through_the_same(balance, alone, item, {rival.name for rival in rivals})]
+    refined = refine(balance, alone.axis, close_behind(rivals), alone, spread)
     fitted = {id(candidate.fit): candidate.gain for candidate in refined}
     candidates = [  # the effect in place had its own confirmation: gains are compared as fitted
         replace(c, gain=fitted[id(c.fit)]) if c.gain > WINNING * fitted[id(c.fit)] else c
@@ -269,13 +270,14 @@ def contest(
     return fit, Rivals(alone, same, gain, candidates)
 
 
-def _through_the_same(balance: Balance, alone: Fit, item: Instance) -> list[Start]:
-    """Starts of other effects that act through an effect's recorded signal: a general one hides its special cases."""
+def _through_the_same(balance: Balance, alone: Fit, item: Instance, known: set[str]) -> list[Start]:
+    """Starts of effects not yet known that act through an effect's recorded signal: a general one hides its special cases."""
     if item.signal is None:
         return []
     background = Background(balance, alone.axis, alone.free)
     others = [term for term, signal in eligible(alone.axis, balance) if signal == item.signal and term is not item.term]
-    return [start for term in others for start in starts(background, term, item.signal)[:1]]
+    found = [start for term in others for start in starts(background, term, item.signal)[:1]]
+    return [start for start in found if start.name not in known]
 
 
 def imperfection(balance: Balance, retuned: Fit, fit: Fit) -> float:
