@@ -369,7 +369,7 @@ class Balance:
         """
         start = get(axis, free)
         strength = np.zeros(len(free)) if prior is None else 1.0 / np.asarray(prior) ** 2
-        moving = np.ones(len(free), bool) if still is None else ~still
+        held = np.zeros(len(free), bool) if still is None else still
         residual = self.residual(axis)
         white = self.whiten(residual, calm)
         biased = Attenuation() if calm else self.attenuation
@@ -383,6 +383,8 @@ class Balance:
                 normal = columns.T @ columns + np.diag(strength)
             gradient = columns.T @ white + 0.5 * biased.slope(axis, free) + strength * (numbers - start)
             before, foretold = cost, False
+            outward = np.array([at_bound(axis, free, k) * gradient[k] < 0.0 for k in range(len(free))], bool)
+            moving = ~(outward | held)
             for _ in range(6):
                 diagonal = np.maximum(np.diag(normal), 1e-12 * max(float(np.max(np.diag(normal))), 1e-300))
                 damped = (normal + damping * np.diag(diagonal))[np.ix_(moving, moving)]

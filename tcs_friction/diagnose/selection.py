@@ -256,9 +256,10 @@ def contest(
     ]
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
-    same = max(SAME * balance.misfit(fit.axis), ALIKE * gain)
+    tie = SAME * balance.misfit(fit.axis)
+    same = max(tie, ALIKE * gain)
     better = [c for c in candidates[:1] if c.score > gain - threshold(balance, [item.term], count, 1.0) + same]
-    better += [c for c in candidates if c.items[0].signal and c.start.count < count and c.gain > gain - same]
+    better += [c for c in candidates if c.items[0].signal and c.start.count < count and c.gain > gain - tie]
     if better:
         best = better[0]
         order = [*range(index), len(best.fit.axis.effects) - 1, *range(index, len(best.fit.axis.effects) - 1)]

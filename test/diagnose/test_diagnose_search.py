@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from closed_loop_cases import telescope
 from scipy import ndimage
 from structure_cases import DT, Motion, axis, conditioned, settled
 
 from tcs_friction.config import load_axis
 from tcs_friction.control.loop import simulate_loop
-from tcs_friction.control.reference import Multisine, Reference, Sinusoid
+from tcs_friction.control.reference import Reference, Sinusoid
 from tcs_friction.diagnose import side_by_side
 from tcs_friction.diagnose.background import Background, probe, survey
 from tcs_friction.diagnose.balance import Balance, Fit
@@ -25,7 +26,6 @@ from tcs_friction.diagnose.joint import joined, settle
 from tcs_friction.diagnose.matched import same_wave, spectrum
 from tcs_friction.diagnose.parts import Memory, Parts
 from tcs_friction.physics import machine
-from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import Place, Term, instance
 from tcs_friction.recording.recording import Recording
@@ -302,34 +302,14 @@ def test_noise_of_the_encoder_is_no_load_dependence() -> None:
 
 def test_what_answers_a_torque_that_is_not_logged_is_no_load_dependence() -> None:
     """Noise of the drive moves the axis; the controller answers it with a logged torque that is a multiple of it."""
-    data, believed = simulated(drive_noise=0.87, speed=0.027)
+    recording, believed = telescope(drive_noise=0.87, speed=0.027)
+    data = condition([recording])
     balance = Balance(data, believed.actuation_delay)
     base = settle(balance, believed)
     item = instance(effect("load_dependent_friction"), {"coefficient": 0.01})
     fit = joined(balance, base.axis.with_effect(item), iterations=10)
     assert base.squares - fit.squares > 50.0
     assert _driven_gain(balance, base, fit, data.joined("torque")) < 0.0
-
-
-def test_a_torque_that_is_held_for_a_period_acts_half_of_it_early() -> None:
-    """The logged one acted until now; the plant's own delay is stated."""
-    data, believed = simulated(drive_noise=0.05, speed=0.01)
-    delay = settle(Balance(data, believed.actuation_delay), believed).axis.actuation_delay
-    assert delay == pytest.approx(believed.actuation_delay - 0.5 * data.period, abs=0.15 * data.period)
-
-
-def simulated(drive_noise: float, speed: float) -> tuple[Conditioned, Axis]:
-    """200 s of the 1.2 m telescope without any effect, and what it is; noise in N m, speed of each of eight sines in rad/s."""
-    file = load_axis(Path(__file__).parents[2] / "config" / "azimuth_1p2m.yaml")
-    assert file.control is not None
-    drive = replace(file.axis.drive, noise=drive_noise, noise_bandwidth=60.0)
-    plant = replace(file.axis, effects=(), drive=drive)
-    sines = Multisine(speed, lowest_frequency=0.003, frequency_step=0.007, components=8, duration=200.0)
-    control = file.control
-    run = simulate_loop(plant, Reference(sines), control.controller, control.loop, control.observer, control.compensator, 41)
-    moving = run.t > 3.0
-    recording = Recording(run.t[moving], run.position[moving], run.torque[moving], source="simulated")
-    return condition([recording]), plant
 
 
 def settled_with_gravity(data: Conditioned) -> tuple[Balance, Fit]:

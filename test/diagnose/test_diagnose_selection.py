@@ -6,13 +6,16 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import proof_cases
 import pytest
+from proof_cases import recorded
 from scipy import stats
 from structure_cases import DT, Motion, Torque, axis, conditioned, settled
 
 from tcs_friction.diagnose.background import Background
 from tcs_friction.diagnose.balance import Balance, Fit
 from tcs_friction.diagnose.candidates import chance
+from tcs_friction.diagnose.condition import condition
 from tcs_friction.diagnose.free import free_parameters
 from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed, starts, together
 from tcs_friction.diagnose.joint import settle
@@ -20,6 +23,7 @@ from tcs_friction.diagnose.selection import (
     _mimicked,
     as_harmonics,
     close_behind,
+    contest,
     outstanding,
     prune,
     searched_anew,
@@ -209,3 +213,17 @@ def test_beside_collisions_no_swing_and_no_delay_is_looked_for() -> None:
 def test_a_mode_that_does_not_ring_is_impossible() -> None:
     assert not effect("flexible_mode").warn({"frequency": 20.0, "damping": 0.1, "inertia_ratio": 0.3})
     assert "resonance" in effect("flexible_mode").warn({"frequency": 3.0, "damping": 0.9, "inertia_ratio": 0.3})[0]
+
+
+@pytest.mark.parametrize(("linear", "name"), [(0.0, "wind_torque"), (1.0, "exogenous")])
+def test_a_wind_is_no_signal_of_any_kind_unless_it_acts_like_one(linear: float, name: str) -> None:
+    """What is found first may hold more numbers than it needs, its special case hidden by what was missing then."""
+    plain = recorded(proof_cases.axis())
+    wind = 6.0 + 2.0 * np.sin(0.31 * plain.t) + np.sin(0.83 * plain.t)
+    r = replace(plain, torque=plain.torque + 0.2 * wind**2 + linear * wind, exogenous={"wind_speed": wind})
+    balance = Balance(condition([r]))
+    general = instance(effect("exogenous"), {"linear": 0.1, "squared": 0.1}, signal="wind_speed")
+    fit = settle(balance, proof_cases.axis(general))
+    chosen, rivals = contest(balance, fit, 0, [])
+    assert chosen.axis.effects[0].term.id == name
+    assert len({candidate.name for candidate in rivals.candidates}) == len(rivals.candidates)
