@@ -256,7 +256,7 @@ def contest(
     ]
     candidates.sort(key=lambda candidate: -candidate.score)
     count = sum(f.owner == index for f in fit.free)
-    tie = SAME * balance.misfit(fit.axis)
+    tie = max(SAME * balance.misfit(fit.axis), IMPERFECT * gain)
     same = max(tie, ALIKE * gain)
     better = [c for c in candidates[:1] if c.score > gain - threshold(balance, [item.term], count, 1.0) + same]
     better += [c for c in candidates if c.items[0].signal and c.start.count < count and c.gain > gain - tie]
