@@ -40,6 +40,7 @@ def test_practice_recordings_of_another_simulator(name: str, shared_data: Path) 
     assert sorted(item.effect for item in found.effects) == sorted(truth["effects"])
     assert found.verdict == ("missing_physics" if truth["effects"] else "parameters")
     assert found.improved.held_out < 1.1 * found.noise_floor
+    assert found.axis_file.axis.inertia == pytest.approx(truth["inertia"], rel=2.5e-4)  # noise makes it no smaller
     if name == "cogging":
         values = {key: entry["value"] for key, entry in found.effects[0].parameters.items()}
         assert values["order"] == pytest.approx(truth["effect_parameters"]["cogk"], abs=0.01)
