@@ -48,15 +48,15 @@ class Attenuation:
 
     def in_torque(self, axis: Axis) -> np.ndarray:
         """Whitened squares at each frequency (m,) that an axis' torque residual owes to noise alone."""
-        moved = np.abs(motion_gain(axis, self.frequency)) * axis.inertia / self.inertia
-        return -self.whole * np.log(moved)
+        heavier = np.abs(motion_gain(axis, self.frequency)) * axis.inertia / self.inertia
+        return -self.whole * np.log(heavier)
 
     def slope(self, axis: Axis, free: Sequence[Free]) -> np.ndarray:
         """Derivative of `feigned` by the free numbers (k,)."""
-        slope = np.zeros(len(free))
+        slope, here = np.zeros(len(free)), self.feigned(axis)
         for k, f in enumerate(free):
             if f.owner == -2 or (f.owner >= 0 and axis.effects[f.owner].term.swings):
-                slope[k] = (self.feigned(moved(axis, free, k, f.scale)) - self.feigned(axis)) / f.scale
+                slope[k] = (self.feigned(moved(axis, free, k, f.scale)) - here) / f.scale
         return slope
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft, ndimage, signal
@@ -18,7 +18,7 @@ from scipy import fft, ndimage, signal
 from tcs_friction.diagnose.attenuation import Attenuation, attenuation
 from tcs_friction.diagnose.bodies import motion_gain, swinging
 from tcs_friction.diagnose.condition import Conditioned, through
-from tcs_friction.diagnose.free import Free, at_bound, free_parameters, get, limited, moved, put
+from tcs_friction.diagnose.free import INERTIA, Free, at_bound, free_parameters, get, limited, moved, put
 from tcs_friction.diagnose.parts import Parts
 from tcs_friction.diagnose.reproducible import Reproducible
 from tcs_friction.diagnose.side_by_side import side_by_side
@@ -30,7 +30,6 @@ LOUDEST = 4.0  # noise power, relative to the usual, that is allowed for
 LOCAL_SECONDS = 1.0  # over which the noise level may change
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold
 MOST_OF_MOTION = 0.9  # of the noise power: the drive always adds a little
-SMALL = 1e-4  # relative change that a derivative by the inertia is taken over
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most
 
 
@@ -192,9 +191,7 @@ class Balance:
 
     def estimate_attenuation(self, axis: Axis, residual: np.ndarray) -> None:
         """What of the residual's noise is in the acceleration, too."""
-        heavier = replace(axis, inertia=axis.inertia * (1.0 + SMALL))
-        inertial = (residual - self.residual(heavier, remember=False)) / SMALL
-        white = [self.whiten(x) for x in (residual, inertial)]
+        white = [self.whiten(residual), -self.jacobian(axis, [INERTIA], residual)[:, 0]]
         frequency, spectra = self._blocks([self._filled(x) for x in white])
         inside = frequency < self.data.cutoff
         noise, motion = (x[:, inside] for x in spectra)

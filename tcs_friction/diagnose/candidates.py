@@ -200,7 +200,7 @@ def _calm_gain(balance: Balance, base: Fit, fit: Fit) -> float:
 
 
 def _driven_gain(balance: Balance, base: Fit, fit: Fit, source: np.ndarray) -> float:
-    """Drop of the whitened squares where a source (n,), torque or inertial torque, is driven and no answer to noise.
+    """Drop of the whitened squares where a source (n,), the torque at the rotor, is driven and no answer to noise.
 
     A torque that is not logged moves the axis, and the controller answers it: noise of the residual is in both, in a loop that
     is damped well with up to ANSWER times its power, and a multiple of them takes that share of it away. That is no gain, nor is

@@ -28,6 +28,9 @@ class Free:
     bounds: tuple[float, float] = (-math.inf, math.inf)
 
 
+INERTIA = Free(-2, "inertia", "log", 1e-4)
+
+
 def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | None]]:
     """Each parameter with its phase, if it has one."""
     result: list[tuple[Parameter, Parameter | None]] = []
@@ -41,7 +44,7 @@ def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | 
 
 def free_parameters(axis: Axis, torque_scale: float, hold: frozenset[str] = frozenset()) -> list[Free]:
     """What a joint fit of this axis may change: inertia, the law's parameters, every effect's active parameters."""
-    free = [] if "inertia" in hold else [Free(-2, "inertia", "log", 1e-4)]
+    free = [] if "inertia" in hold else [INERTIA]
     for parameter in axis.friction.term.parameters:
         value = axis.friction.values[parameter.name]
         if parameter.name in hold or parameter.name == "exponent" or value <= 0.0:
