@@ -26,8 +26,8 @@ from benchmarks.concealed_effects import EFFECTS, OUTSIDE
 from benchmarks.concealed_oracle import detection_limit
 from benchmarks.worlds import World, draw_world
 from tcs_friction.commands.parser import positive
-from tcs_friction.diagnose.side_by_side import cores
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.parallel import cores
+from tcs_friction.diagnose.pipeline import diagnose
 
 SMALLEST, LARGEST = 1.0, 8.0  # sizes of concealed effects, torque rms over that of the noise floor
 NATURAL = ("presliding",)  # effects that come as large as they are

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from tcs_friction.commands.parser import parser_of
-from tcs_friction.diagnose.side_by_side import cores
+from tcs_friction.diagnose.parallel import cores
 from tcs_friction.errors import InputError, nearest
 
 

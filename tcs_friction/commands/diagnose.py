@@ -14,9 +14,9 @@ from pathlib import Path
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.config import AxisFile, load_axis
-from tcs_friction.diagnose.coordinates import unit_of
-from tcs_friction.diagnose.result import Diagnosis
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.outcome.result import Diagnosis
+from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
@@ -59,7 +59,7 @@ def _believed(arguments: argparse.Namespace) -> tuple[AxisFile, str]:
     if arguments.against is None:
         assert file is not None
         return file, ""
-    from tcs_friction.diagnose.against import believed_from_simulation
+    from tcs_friction.diagnose.from_simulation import believed_from_simulation
 
     progress = _progress if sys.stderr.isatty() else _silent
     return believed_from_simulation(arguments.against, arguments.bags, file, arguments.seed, progress)

@@ -13,7 +13,7 @@ from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.control.config_field import setting
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
 from tcs_friction.nodes.executor import run

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.interpolate import RegularGridInterpolator
 
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map
+from tcs_friction.diagnose.outcome.plot_data import Evidence, Isolated, Look, Map
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tcs_friction.config import save_axis, write_whole
-from tcs_friction.diagnose.experiment import reference_text
-from tcs_friction.diagnose.result import Diagnosis
+from tcs_friction.diagnose.outcome.experiment import reference_text
+from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.errors import writing_into
 from tcs_friction.report.diagnosis import write_report
 

@@ -29,7 +29,7 @@ def watch(event, arguments):
         opened.append(str(arguments[0]))
 sys.addaudithook(watch)
 from tcs_friction.config import load_axis
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.recording.bags import read_recordings
 folder = Path(sys.argv[1])
 file = load_axis(folder / "axis.yaml")

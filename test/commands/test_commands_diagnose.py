@@ -14,8 +14,8 @@ from tcs_friction import cli
 from tcs_friction.commands import diagnose as command
 from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
-from tcs_friction.diagnose.evidence import Evidence
-from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.outcome.plot_data import Evidence
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law

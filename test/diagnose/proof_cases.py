@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.condition import Conditioned, condition
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.simulate import simulate_open_loop

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.condition import Conditioned, Stretch
-from tcs_friction.diagnose.free import free_parameters
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, Stretch
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.fit.parameters import free_parameters
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from proof_cases import LUGRE, axis, recorded
 
-from tcs_friction.diagnose.against import believed_from_simulation, signals_of
+from tcs_friction.diagnose.from_simulation import believed_from_simulation, signals_of
 from tcs_friction.errors import InputError
 from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.write import write_recording

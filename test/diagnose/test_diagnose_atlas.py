@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from structure_cases import Motion, Torque, axis, coloured, conditioned, settled
 
-from tcs_friction.diagnose.atlas import AtlasEntry, atlas, time_since_reversal
+from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas, time_since_reversal
 
 
 def look(torque: Torque | None, seed: int = 1) -> dict[str, AtlasEntry]:

@@ -9,12 +9,12 @@ import pytest
 from closed_loop_cases import telescope, telescope_file
 from proof_cases import axis, item, recorded
 
-from tcs_friction.diagnose.attenuation import Attenuation, attenuation
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.condition import condition
-from tcs_friction.diagnose.free import free_parameters, get, put
-from tcs_friction.diagnose.joint import settle, untimed
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.dataset.preprocessing import condition
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.errors_in_variables import Attenuation, attenuation
+from tcs_friction.diagnose.fit.joint_fit import settle, untimed
+from tcs_friction.diagnose.fit.parameters import free_parameters, get, put
+from tcs_friction.diagnose.pipeline import diagnose
 
 FREQUENCY = np.linspace(0.0, 20.0, 129)
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.candidates import feeds_on_noise
-from tcs_friction.diagnose.condition import condition, low_pass, step_of
-from tcs_friction.diagnose.free import at_bound, free_parameters, get, moved, put
-from tcs_friction.diagnose.joint import settle
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.dataset.preprocessing import condition, low_pass, step_of
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.parameters import at_bound, free_parameters, get, moved, put
+from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.diagnose.search.candidates import feeds_on_noise
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.machine import build, tick

@@ -9,8 +9,8 @@ import pytest
 from proof_cases import axis, conditioned, item, recorded, scaled
 
 from tcs_friction.control.reference import load_reference
-from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.diagnose.experiment import FASTER, library, next_experiment, reference_text
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned
+from tcs_friction.diagnose.outcome.experiment import FASTER, library, next_experiment, reference_text
 from tcs_friction.physics.terms import Instance
 
 PAIRS = [

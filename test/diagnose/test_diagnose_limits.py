@@ -9,8 +9,8 @@ import pytest
 from proof_cases import PERIOD, along, axis, conditioned, item, recorded, scaled
 
 from tcs_friction.config import load_axis
-from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.limits import barred, check_units, count_reversals, limits, passed_once
+from tcs_friction.diagnose.dataset.excitation import barred, check_units, count_reversals, limits, passed_once
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
@@ -173,7 +173,7 @@ def test_hardly_moving_names_nothing_that_moves() -> None:
 
 
 def test_limits_speak_of_effects_that_exist() -> None:
-    from tcs_friction.diagnose import limits as module
+    from tcs_friction.diagnose.dataset import excitation as module
     from tcs_friction.physics.registry import effects
 
     for names in (module.REVERSING, module.SPEEDS, module.ACCELERATING, module.SLOW):

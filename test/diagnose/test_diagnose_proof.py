@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from proof_cases import axis, conditioned, item, recorded
 
-from tcs_friction.diagnose.balance import Balance, rms
-from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.proof import free_run, usable_horizon
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
+from tcs_friction.diagnose.fit.balance import Balance, rms
+from tcs_friction.diagnose.outcome.free_run import free_run, usable_horizon
 from tcs_friction.physics.terms import Instance
 
 

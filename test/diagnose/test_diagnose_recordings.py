@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from tcs_friction.config import load_axis
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.condition import condition
-from tcs_friction.diagnose.joint import settle
-from tcs_friction.diagnose.result import Diagnosis, Found
-from tcs_friction.diagnose.verdict import diagnose
+from tcs_friction.diagnose.dataset.preprocessing import condition
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.outcome.result import Diagnosis, Found
+from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.bags import read_recordings

@@ -16,15 +16,15 @@ from structure_cases import DT, Motion, axis, conditioned, settled
 from tcs_friction.config import load_axis
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Reference, Sinusoid
-from tcs_friction.diagnose import side_by_side
-from tcs_friction.diagnose.background import Background, probe, survey
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.candidates import _driven_gain, implausible
-from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.hypotheses import gain_by_motion, starts
-from tcs_friction.diagnose.joint import joined, settle
-from tcs_friction.diagnose.matched import same_wave, spectrum
-from tcs_friction.diagnose.parts import Memory, Parts
+from tcs_friction.diagnose import parallel
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.fit.joint_fit import joined, settle
+from tcs_friction.diagnose.fit.torque import Memory, Parts
+from tcs_friction.diagnose.search.candidates import _driven_gain, implausible
+from tcs_friction.diagnose.search.hypotheses import gain_by_motion, starts
+from tcs_friction.diagnose.search.matched_filter import same_wave, spectrum
+from tcs_friction.diagnose.search.projection import Background, probe, survey
 from tcs_friction.physics import machine
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import Place, Term, instance
@@ -39,18 +39,18 @@ VALUES = {
 
 
 def test_a_map_keeps_its_order_and_runs_on_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(side_by_side, "cores", lambda: 2)
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=10.0)
 
     def work(x: int) -> int:
         together.wait()
         return x * x
 
-    assert side_by_side.side_by_side(work, range(4)) == [0, 1, 4, 9]
+    assert parallel.side_by_side(work, range(4)) == [0, 1, 4, 9]
 
 
 def test_a_thread_without_work_helps_in_a_map_within_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(side_by_side, "cores", lambda: 2)
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=10.0)
 
     def inner(x: int) -> int:
@@ -58,16 +58,16 @@ def test_a_thread_without_work_helps_in_a_map_within_the_map(monkeypatch: pytest
         return x + 1
 
     def outer(x: int) -> list[int]:
-        return side_by_side.side_by_side(inner, range(4)) if x == 1 else []
+        return parallel.side_by_side(inner, range(4)) if x == 1 else []
 
-    assert side_by_side.side_by_side(outer, range(2)) == [[], [1, 2, 3, 4]]
+    assert parallel.side_by_side(outer, range(2)) == [[], [1, 2, 3, 4]]
 
 
 @pytest.mark.parametrize("place", range(4))
 def test_an_error_in_a_map_is_the_caller_s(place: int) -> None:
     with pytest.raises(ZeroDivisionError):
-        side_by_side.side_by_side(lambda x: 1 // (x - place), range(4))
-    assert side_by_side.side_by_side(lambda x: x, range(3)) == [0, 1, 2]
+        parallel.side_by_side(lambda x: 1 // (x - place), range(4))
+    assert parallel.side_by_side(lambda x: x, range(3)) == [0, 1, 2]
 
 
 def test_what_is_not_to_be_remembered_is_made_again() -> None:

@@ -12,14 +12,14 @@ from proof_cases import recorded
 from scipy import stats
 from structure_cases import DT, Motion, Torque, axis, conditioned, settled
 
-from tcs_friction.diagnose.background import Background
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.candidates import chance
-from tcs_friction.diagnose.condition import condition
-from tcs_friction.diagnose.free import free_parameters
-from tcs_friction.diagnose.hypotheses import Start, _leads, all_starts, climbed, starts, together
-from tcs_friction.diagnose.joint import settle
-from tcs_friction.diagnose.selection import (
+from tcs_friction.diagnose.dataset.preprocessing import condition
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.parameters import free_parameters
+from tcs_friction.diagnose.search.candidates import chance
+from tcs_friction.diagnose.search.hypotheses import Start, _leads, all_starts, climbed, starts, together
+from tcs_friction.diagnose.search.projection import Background
+from tcs_friction.diagnose.search.stepwise import (
     _mimicked,
     as_harmonics,
     close_behind,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tcs_friction.diagnose.result import Errors, Found, Unexplained
-from tcs_friction.diagnose.statement import statement
+from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
+from tcs_friction.diagnose.outcome.statement import statement
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 

@@ -7,11 +7,11 @@ import pytest
 from scipy import stats
 from structure_cases import DT, NOISE, Motion, Torque, coloured, conditioned, settled
 
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.basis import Even, Hats, Odd, One, Product, Wave
-from tcs_friction.diagnose.coarse import Coarse, regress
-from tcs_friction.diagnose.remains import mapped
-from tcs_friction.diagnose.structure import Structure, remaining_structure
+from tcs_friction.diagnose.dataset.basis import Even, Hats, Odd, One, Product, Wave
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.remainder.chunk_means import Coarse, regress
+from tcs_friction.diagnose.remainder.maps import Structure, remaining_structure
+from tcs_friction.diagnose.remainder.remainder import mapped
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Table, instance
 

@@ -11,7 +11,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
+from tcs_friction.diagnose.outcome.plot_data import Evidence, Isolated, Look, Map, RunnerUp
 from tcs_friction.report.diagnosis import draw_series, write_report
 from tcs_friction.report.figures import STYLE
 from tcs_friction.report.numbers import unbroken

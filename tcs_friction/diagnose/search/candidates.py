@@ -16,18 +16,18 @@ from functools import partial
 import numpy as np
 from scipy import ndimage, stats
 
-from tcs_friction.diagnose.background import Background, survey
-from tcs_friction.diagnose.balance import Balance, Fit, rms
-from tcs_friction.diagnose.bodies import motion_gain
-from tcs_friction.diagnose.hypotheses import (
+from tcs_friction.diagnose.fit.balance import Balance, Fit, rms
+from tcs_friction.diagnose.fit.joint_fit import joined
+from tcs_friction.diagnose.fit.second_body import motion_gain
+from tcs_friction.diagnose.fit.torque import SLOW_PERIODS
+from tcs_friction.diagnose.parallel import side_by_side
+from tcs_friction.diagnose.search.hypotheses import (
     Start,
     follows_load,
     gain_by_motion,
 )
-from tcs_friction.diagnose.joint import joined
-from tcs_friction.diagnose.matched import same_wave
-from tcs_friction.diagnose.parts import SLOW_PERIODS
-from tcs_friction.diagnose.side_by_side import side_by_side
+from tcs_friction.diagnose.search.matched_filter import same_wave
+from tcs_friction.diagnose.search.projection import Background, survey
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Term

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.machine import (

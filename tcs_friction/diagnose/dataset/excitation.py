@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.diagnose.coordinates import unit_of
+from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance

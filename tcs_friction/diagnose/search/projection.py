@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.bodies import motion_gain
-from tcs_friction.diagnose.free import Free, at_bound, pairs
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.parameters import Free, at_bound, pairs
+from tcs_friction.diagnose.fit.second_body import motion_gain
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Role, Survey, Term, instance
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage, stats
 
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.coarse import LEEWAY, Coarse, Regression, regress
-from tcs_friction.diagnose.coordinates import unit_of, values_of
+from tcs_friction.diagnose.dataset.coordinates import unit_of, values_of
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.remainder.chunk_means import LEEWAY, Coarse, Regression, regress
 from tcs_friction.physics.axis import Axis
 
 BINS = 32  # of a coordinate at most

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tcs_friction.diagnose.atlas import AtlasEntry
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.diagnose.coordinates import unit_of, values_of
-from tcs_friction.diagnose.evidence import Evidence, Isolated, Look, Map, RunnerUp
-from tcs_friction.diagnose.selection import Selection
+from tcs_friction.diagnose.dataset.coordinates import unit_of, values_of
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.outcome.atlas import AtlasEntry
+from tcs_friction.diagnose.outcome.plot_data import Evidence, Isolated, Look, Map, RunnerUp
+from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, unit_on
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.bodies import motion_gain, swinging
-from tcs_friction.diagnose.free import Free, moved
+from tcs_friction.diagnose.fit.parameters import Free, moved
+from tcs_friction.diagnose.fit.second_body import motion_gain, swinging
 from tcs_friction.physics.axis import Axis
 
 ALIKE = 9  # frequencies, over which the power near one of them is averaged

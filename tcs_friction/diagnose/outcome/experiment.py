@@ -16,10 +16,10 @@ import numpy as np
 import yaml
 
 from tcs_friction.control.reference import reference_from_mapping
-from tcs_friction.diagnose.condition import Conditioned
-from tcs_friction.diagnose.coordinates import unit_of
-from tcs_friction.diagnose.free import Free, free_parameters, moved
-from tcs_friction.diagnose.limits import SLOW
+from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.dataset.excitation import SLOW
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned
+from tcs_friction.diagnose.fit.parameters import Free, free_parameters, moved
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance

@@ -11,9 +11,10 @@ from functools import partial
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.background import Background
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.candidates import (
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.fit.joint_fit import joined, judged, recovered, settle, without
+from tcs_friction.diagnose.parallel import side_by_side
+from tcs_friction.diagnose.search.candidates import (
     FALSE_ALARM,
     NEIGHBOURS,
     SAME,
@@ -26,8 +27,8 @@ from tcs_friction.diagnose.candidates import (
     refine,
     threshold,
 )
-from tcs_friction.diagnose.confirm import confirmed
-from tcs_friction.diagnose.hypotheses import (
+from tcs_friction.diagnose.search.cross_validation import confirmed
+from tcs_friction.diagnose.search.hypotheses import (
     Start,
     all_starts,
     climbed,
@@ -37,9 +38,8 @@ from tcs_friction.diagnose.hypotheses import (
     starts,
     together,
 )
-from tcs_friction.diagnose.joint import joined, judged, recovered, settle, without
-from tcs_friction.diagnose.matched import APART, angle
-from tcs_friction.diagnose.side_by_side import side_by_side
+from tcs_friction.diagnose.search.matched_filter import APART, angle
+from tcs_friction.diagnose.search.projection import Background
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance

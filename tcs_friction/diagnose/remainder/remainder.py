@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance, Fit, rms
-from tcs_friction.diagnose.candidates import chance
-from tcs_friction.diagnose.joint import settle
-from tcs_friction.diagnose.selection import Selection
-from tcs_friction.diagnose.structure import Structure, remaining_structure
+from tcs_friction.diagnose.fit.balance import Balance, Fit, rms
+from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.remainder.maps import Structure, remaining_structure
+from tcs_friction.diagnose.search.candidates import chance
+from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance

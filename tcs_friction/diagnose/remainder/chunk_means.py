@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, stats
 
-from tcs_friction.diagnose.balance import Balance
+from tcs_friction.diagnose.fit.balance import Balance
 
 RATE = 20.0  # chunks per second at most
 MOST_CHUNKS = 40_000

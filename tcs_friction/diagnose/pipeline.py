@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.atlas import AtlasEntry, atlas
-from tcs_friction.diagnose.balance import Balance, Fit, rms
-from tcs_friction.diagnose.candidates import chance
-from tcs_friction.diagnose.condition import Conditioned, condition
-from tcs_friction.diagnose.experiment import next_experiment
-from tcs_friction.diagnose.limits import barred, check_units, limits, passed_once
-from tcs_friction.diagnose.pictured import evidence_of, where
-from tcs_friction.diagnose.proof import free_run, usable_horizon
-from tcs_friction.diagnose.remains import Remains, mapped
-from tcs_friction.diagnose.result import Diagnosis, Errors, Found, Unexplained
-from tcs_friction.diagnose.selection import Rivals, Selection, contend, outstanding, select
-from tcs_friction.diagnose.statement import statement
-from tcs_friction.diagnose.structure import Structure
+from tcs_friction.diagnose.dataset.excitation import barred, check_units, limits, passed_once
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
+from tcs_friction.diagnose.fit.balance import Balance, Fit, rms
+from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
+from tcs_friction.diagnose.outcome.experiment import next_experiment
+from tcs_friction.diagnose.outcome.free_run import free_run, usable_horizon
+from tcs_friction.diagnose.outcome.plots import evidence_of, where
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.outcome.statement import statement
+from tcs_friction.diagnose.remainder.maps import Structure
+from tcs_friction.diagnose.remainder.remainder import Remains, mapped
+from tcs_friction.diagnose.search.candidates import chance
+from tcs_friction.diagnose.search.stepwise import Rivals, Selection, contend, outstanding, select
 from tcs_friction.physics.terms import Instance, Role
 from tcs_friction.recording.recording import Recording
 

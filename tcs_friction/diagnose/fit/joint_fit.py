@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance, Fit, timing
-from tcs_friction.diagnose.free import Free
+from tcs_friction.diagnose.fit.balance import Balance, Fit, timing
+from tcs_friction.diagnose.fit.parameters import Free
 from tcs_friction.physics.axis import Axis
 
 ASTRAY = 2.0  # factor from a believed number of the law, from which its fit may be another basin

@@ -15,13 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, ndimage, signal
 
-from tcs_friction.diagnose.attenuation import Attenuation, attenuation
-from tcs_friction.diagnose.bodies import motion_gain, swinging
-from tcs_friction.diagnose.condition import Conditioned, through
-from tcs_friction.diagnose.free import INERTIA, Free, at_bound, free_parameters, get, limited, moved, put
-from tcs_friction.diagnose.parts import Parts
-from tcs_friction.diagnose.reproducible import Reproducible
-from tcs_friction.diagnose.side_by_side import side_by_side
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, through
+from tcs_friction.diagnose.fit.errors_in_variables import Attenuation, attenuation
+from tcs_friction.diagnose.fit.parameters import (
+    INERTIA,
+    Free,
+    at_bound,
+    free_parameters,
+    get,
+    limited,
+    moved,
+    put,
+)
+from tcs_friction.diagnose.fit.repeatable import Reproducible
+from tcs_friction.diagnose.fit.second_body import motion_gain, swinging
+from tcs_friction.diagnose.fit.torque import Parts
+from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.physics.axis import Axis
 
 EARLY, LATE = 0.5, 0.25  # periods of the recording, by which a torque may act earlier or later than stated

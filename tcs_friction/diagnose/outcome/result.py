@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.evidence import Evidence
+from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.physics.terms import Instance
 
 SCHEMA = "tcs_friction/diagnosis/1"

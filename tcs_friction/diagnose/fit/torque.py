@@ -14,7 +14,7 @@ from threading import Lock
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.condition import Conditioned, Stretch, through
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned, Stretch, through
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.candidates import SAME, Candidate, chance
-from tcs_friction.diagnose.free import Free, at_bound
-from tcs_friction.diagnose.limits import passes
+from tcs_friction.diagnose.dataset.excitation import passes
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.fit.parameters import Free, at_bound
+from tcs_friction.diagnose.search.candidates import SAME, Candidate, chance
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Role
 

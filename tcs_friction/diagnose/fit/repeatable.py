@@ -11,8 +11,8 @@ import math
 import numpy as np
 from scipy import linalg, sparse
 
-from tcs_friction.diagnose.basis import Hats
-from tcs_friction.diagnose.condition import Conditioned
+from tcs_friction.diagnose.dataset.basis import Hats
+from tcs_friction.diagnose.dataset.preprocessing import Conditioned
 
 SAMPLES_PER_FUNCTION = 60.0  # effective ones, for each node over the position
 NODES = (4, 24)  # over the position, fewest and most

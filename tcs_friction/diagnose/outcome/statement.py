@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tcs_friction.diagnose.coordinates import unit_of
-from tcs_friction.diagnose.result import Errors, Found, Unexplained
+from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
 from tcs_friction.physics.terms import Place, Role
 
 SPOKEN = 3  # effects with their numbers in the sentence; the table has them all

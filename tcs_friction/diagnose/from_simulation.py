@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.condition import condition
-from tcs_friction.diagnose.limits import plain_balance
+from tcs_friction.diagnose.dataset.excitation import plain_balance
+from tcs_friction.diagnose.dataset.preprocessing import condition
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import identified_axis, identify
 from tcs_friction.physics.axis import Axis

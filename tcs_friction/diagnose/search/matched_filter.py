@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.background import Background, probe, unit_size
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.free import pairs
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.parameters import pairs
+from tcs_friction.diagnose.search.projection import Background, probe, unit_size
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term
 

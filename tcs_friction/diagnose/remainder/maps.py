@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, stats
 
-from tcs_friction.diagnose.balance import Balance, Fit
-from tcs_friction.diagnose.basis import Basis, Even, Hats, Odd, One, Product, Wave
-from tcs_friction.diagnose.coarse import Coarse, slow_excess
-from tcs_friction.diagnose.coordinates import values_of
-from tcs_friction.diagnose.side_by_side import side_by_side
+from tcs_friction.diagnose.dataset.basis import Basis, Even, Hats, Odd, One, Product, Wave
+from tcs_friction.diagnose.dataset.coordinates import values_of
+from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.parallel import side_by_side
+from tcs_friction.diagnose.remainder.chunk_means import Coarse, slow_excess
 from tcs_friction.physics.terms import Table
 
 FALSE_ALARM = 1e-3  # over all maps

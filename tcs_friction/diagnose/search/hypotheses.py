@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tcs_friction.diagnose.background import Background, probe, survey, unit_size
-from tcs_friction.diagnose.balance import Balance
-from tcs_friction.diagnose.free import pairs
-from tcs_friction.diagnose.matched import excess, local_scans, same_wave, spectrum
-from tcs_friction.diagnose.side_by_side import side_by_side
+from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.parameters import pairs
+from tcs_friction.diagnose.parallel import side_by_side
+from tcs_friction.diagnose.search.matched_filter import excess, local_scans, same_wave, spectrum
+from tcs_friction.diagnose.search.projection import Background, probe, survey, unit_size
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
