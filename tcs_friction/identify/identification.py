@@ -19,14 +19,15 @@ from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
-from tcs_friction.identify.refine import Outcome, Refined, Space
+from tcs_friction.identify.refine import Refined, Space
 from tcs_friction.identify.result import Identification
 from tcs_friction.identify.sharpen import Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.uncertainty import noise_floor
+from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import effect as effect_named
 from tcs_friction.physics.registry import law as law_named
+from tcs_friction.physics.registry import offset
 from tcs_friction.physics.terms import Instance, instance
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
@@ -259,7 +260,7 @@ def identified_axis(axis: Axis, found: Identification) -> Axis:
     result = replace(axis, friction=friction, inertia=inertia)
     if not found.offset.determined:
         return result
-    others = tuple(item for item in axis.effects if item.term.id != "torque_bias")
-    known = sum(item.values["bias"] for item in axis.effects if item.term.id == "torque_bias")
-    bias = instance(effect_named("torque_bias"), {"bias": known + found.offset.value})
+    others = tuple(item for item in axis.effects if not item.term.offset)
+    known = sum(item.values[item.term.offset] for item in axis.effects if item.term.offset)
+    bias = instance(offset(), {offset().offset: known + found.offset.value})
     return replace(result, effects=(*others, bias))

@@ -2,6 +2,10 @@
 
 Velocity and acceleration come from the position by a zero-phase low pass and central differences; torque passes the same low
 pass. The pass band ends where the position's own noise begins, so that the acceleration does not drown in it.
+
+A diagnosis smooths in the frequency domain, with the same attenuation (diagnose.dataset.filters). An identification needs a
+filter that runs from sample to sample: its search passes the torque of every candidate through the same sections as the measured
+one.
 """
 
 from __future__ import annotations
@@ -15,6 +19,8 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.signal import butter, sosfiltfilt, welch
 
 from tcs_friction.errors import InputError
+from tcs_friction.numerics.noise import derivative_noise
+from tcs_friction.numerics.sampling import jitter, resampled
 from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
@@ -29,6 +35,7 @@ SPIKE = 8.0  # robust standard deviations
 FILTER_ORDER = 4
 EDGE = 1.5  # cycles of the low pass' bandwidth over which it mixes what is apart
 UNIFORM = 0.01  # relative jitter of the steps above which samples are moved onto a regular grid
+JITTER_QUANTILE = 0.9  # of the steps, that must be as even: a few that are not distort nothing that the low pass lets through
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,12 +238,12 @@ def _smoothed(
     parts = [smooth(columns, rate, bandwidth) for _, columns in grids]
     joined = {name: np.concatenate([columns[name] for columns in parts]) for name in parts[0]}
     bounds = np.concatenate([[0], np.cumsum([len(columns["t"]) for columns in parts])]).astype(np.int64)
-    noise = np.sqrt(density * (2.0 * np.pi) ** 2 * bandwidth**3 / 3.0)
+    noise = derivative_noise(density, bandwidth, 1)
     known = ("t", "position", "velocity", "acceleration", "torque", "raw_position", "raw_torque")
     exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
     return Motion(
         joined["t"], joined["position"], joined["velocity"], joined["acceleration"], joined["torque"],
-        bounds, rate, bandwidth, float(noise), False, joined.get("temperature"), MappingProxyType(exogenous),
+        bounds, rate, bandwidth, noise, False, joined.get("temperature"), MappingProxyType(exogenous),
         tuple(k for k, _ in grids), notes, raw=np.vstack([joined["raw_position"], joined["raw_torque"]]),
         density=density,
     )  # fmt: skip
@@ -263,15 +270,11 @@ def _regular(recording: Recording, part: slice, rate: float) -> dict[str, np.nda
     if recording.temperature is not None:
         columns["temperature"] = recording.temperature[part]
     columns.update({name: values[part] for name, values in recording.exogenous.items()})
-    t = columns["t"]
-    uneven = np.abs(np.diff(t) * rate - 1.0)
-    if np.quantile(uneven, 0.9) <= UNIFORM:
-        return columns
-    grid = t[0] + np.arange(int((t[-1] - t[0]) * rate) + 1) / rate
-    return {
-        "t": grid,
-        **{name: np.interp(grid, t, values) for name, values in columns.items() if name != "t"},
-    }
+    t = columns.pop("t")
+    if np.quantile(jitter(t, rate), JITTER_QUANTILE) <= UNIFORM:
+        return {"t": t, **columns}
+    even, series = resampled(t, np.array(list(columns.values())), rate)
+    return {"t": even, **dict(zip(columns, series, strict=True))}
 
 
 def noise_density(position: np.ndarray, rate: float) -> float:

@@ -8,6 +8,7 @@ that their scatter says how well the parameters are known. Timing of the torque 
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from tcs_friction.identify import forced_kernel
 from tcs_friction.identify import prediction_kernel as kernel
 from tcs_friction.identify.models import LuGreModel, Model
 from tcs_friction.identify.refine import Space
+from tcs_friction.numerics.runs import runs
 
 LEAST_RUN = 100  # samples that follow each other, to predict one from those before
 TUNING_SAMPLES = 40_000  # of the disturbance's spectrum before the fit
@@ -59,18 +61,20 @@ class Fine:
 
     def only(self, mask: np.ndarray) -> Fine | None:
         """The same with those samples (n,) alone of which enough follow each other; None of none."""
-        cuts = np.union1d(np.flatnonzero(np.diff(mask)) + 1, self.bounds[1:-1])
-        runs = [
-            part for part in np.split(np.arange(len(mask)), cuts) if mask[part[0]] and len(part) >= LEAST_RUN
+        found = [
+            np.arange(a + first, b + first)
+            for first, last in itertools.pairwise(self.bounds)
+            for a, b in runs(mask[first:last])
+            if b - a >= LEAST_RUN
         ]
-        if not runs:
+        if not found:
             return None
-        index = np.concatenate(runs)
+        index = np.concatenate(found)
         columns = {
             name: getattr(self, name)[index]
             for name in ("position", "torque", "places", "velocity", "jitter")
         }
-        return replace(self, **columns, bounds=np.cumsum([0, *(len(part) for part in runs)]))
+        return replace(self, **columns, bounds=np.cumsum([0, *(len(part) for part in found)]))
 
 
 class Predictor(ABC):

@@ -25,7 +25,7 @@ from tcs_friction.identify.operators import (
     split,
     starting_velocity,
 )
-from tcs_friction.identify.refine import Outcome
+from tcs_friction.numerics.outcome import Outcome
 
 Cost = Callable[[np.ndarray], np.ndarray]  # positions (m, d) in the unit box -> costs (m,)
 

@@ -1,27 +1,24 @@
-"""Levenberg-Marquardt with bounds, robust loss and exact derivatives: the local end of an identification."""
+"""The local end of an identification: least squares of errors within bounds, all of them alike or outliers less.
+
+cost = sum of w (y - f(x))^2 / 2, with weights w (m,) that follow from the errors by iteratively reweighted least squares where
+outliers shall count less (Huber, Robust Statistics, 1981, section 7.8).
+"""
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from tcs_friction.numerics.least_squares import minimise
+from tcs_friction.numerics.outcome import Outcome
+
 HUBER = 1.345  # in robust standard deviations: 95 % efficient on Gaussian errors (Huber 1981)
+LONGEST = 1.5  # step of a logarithm: a factor of 4.5, so that a model that is not linear there does not run away
 
 Linearised = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 Evaluated = Callable[[np.ndarray], np.ndarray]
-
-
-class Outcome(enum.Enum):
-    """How a search ended. A numerical outcome is data, not an error."""
-
-    CONVERGED = "converged"
-    STAGNATED = "stagnated"
-    BUDGET_SPENT = "budget spent"
-    CANCELLED = "cancelled"
-    TOLERANCE = "cost tolerance reached"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,76 +78,65 @@ def refine(
     tolerance: float = 1e-10,
     cancel: Callable[[], bool] = lambda: False,
 ) -> Refined:
-    """Minimise half the weighted sum of squared (or Huber) errors from `start` (p,).
-
-    Steps are damped (Marquardt 1963: scaled by the diagonal); an unknown at a bound that would leave it is taken out of
-    the step.
-    """
-    unknowns = np.clip(start, space.lower, space.upper)
-    damping, evaluations, outcome = 1e-3, 1, Outcome.BUDGET_SPENT
-    modelled, jacobian = linearised(unknowns)
-    residual = target - modelled
-    emphasis = loss_weights(residual, weights, loss)
-    cost = 0.5 * float(emphasis @ residual**2)
-    for _ in range(iterations):
-        if cancel():
-            outcome = Outcome.CANCELLED
-            break
-        better = None
-        for _ in range(12):
-            trial = _step(unknowns, residual, jacobian, emphasis, space, damping)
-            tried = target - evaluated(trial)
-            evaluations += 1
-            new_cost = 0.5 * float(emphasis @ tried**2)
-            if new_cost <= cost and np.isfinite(new_cost):
-                better = (trial, new_cost)
-                damping = max(damping / 9.0, 1e-12)
-                break
-            damping *= 4.0
-        if better is None:
-            outcome = Outcome.CONVERGED
-            break
-        gain = (cost - better[1]) / max(cost, 1e-300)
-        unknowns = better[0]
-        modelled, jacobian = linearised(unknowns)
-        residual = target - modelled
-        evaluations += 1
-        emphasis = loss_weights(residual, weights, loss)
-        cost = 0.5 * float(emphasis @ residual**2)
-        if gain < tolerance:
-            outcome = Outcome.CONVERGED
-            break
-    return Refined(unknowns, residual, jacobian, emphasis, cost, outcome, evaluations)
+    """Minimise half the weighted sum of squared (or Huber) errors from `start` (p,)."""
+    errors = _Errors(linearised, evaluated, target, weights, space, loss)
+    found = minimise(
+        errors, np.clip(start, space.lower, space.upper), iterations=iterations, relative=tolerance,
+        longest=np.where(space.logarithmic, LONGEST, np.inf), cancel=cancel,
+    )  # fmt: skip
+    cost = errors.linearise(found.point)
+    return Refined(
+        found.point, errors.residual, errors.jacobian, errors.emphasis, cost, found.outcome, errors.evaluations
+    )
 
 
-def _step(
-    unknowns: np.ndarray,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
-    emphasis: np.ndarray,
-    space: Space,
-    damping: float,
-) -> np.ndarray:
-    scale = np.where(space.logarithmic, unknowns, 1.0)
-    slopes = jacobian * scale
-    gradient = slopes.T @ (emphasis * residual)
-    moving = space.free & (np.abs(slopes).max(axis=0, initial=0.0) > 0.0)
-    moving &= ~((unknowns <= space.lower) & (gradient < 0.0)) & ~(
-        (unknowns >= space.upper) & (gradient > 0.0)
-    )
-    index = np.flatnonzero(moving)
-    trial = unknowns.copy()
-    if not len(index):
-        return trial
-    chosen = slopes[:, index]
-    normal = chosen.T @ (emphasis[:, None] * chosen)
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / np.outer(size, size)
-    step = (
-        np.linalg.lstsq(scaled + damping * np.eye(len(index)), gradient[index] / size, rcond=1e-13)[0] / size
-    )
-    logarithmic = space.logarithmic[index]
-    trial[index] = np.where(
-        logarithmic, unknowns[index] * np.exp(np.clip(step, -1.5, 1.5)), unknowns[index] + step
-    )
-    return np.clip(trial, space.lower, space.upper)
+class _Errors:
+    """Errors of a model as the solver's objective. A step of a logarithmic unknown is the logarithm of its factor."""
+
+    def __init__(
+        self,
+        linearised: Linearised,
+        evaluated: Evaluated,
+        target: np.ndarray,
+        weights: np.ndarray,
+        space: Space,
+        loss: str,
+    ) -> None:
+        self._linearised, self._evaluated = linearised, evaluated
+        self._target, self._weights, self._space, self._loss = target, weights, space, loss
+        self._at: np.ndarray | None = None  # the unknowns of the following
+        self.residual, self.jacobian, self.emphasis = target, np.zeros((0, 0)), weights
+        self.evaluations = 0
+
+    def linearise(self, unknowns: np.ndarray) -> float:
+        """Residual, jacobian and weights at these unknowns, and the cost there."""
+        if self._at is None or not np.array_equal(self._at, unknowns):
+            modelled, self.jacobian = self._linearised(unknowns)
+            self.evaluations += 1
+            self.residual = self._target - modelled
+            self.emphasis = loss_weights(self.residual, self._weights, self._loss)
+            self._at = unknowns.copy()
+        return 0.5 * float(self.emphasis @ self.residual**2)
+
+    def quadratic(self, point: np.ndarray, renew: bool) -> tuple[float, np.ndarray, np.ndarray]:  # noqa: ARG002
+        """Cost, gradient and normal matrix by the steps of `moved`."""
+        cost = self.linearise(point)
+        slopes = self.jacobian * np.where(self._space.logarithmic, point, 1.0)
+        return cost, -(slopes.T @ (self.emphasis * self.residual)), slopes.T @ (self.emphasis[:, None] * slopes)
+
+    def cost(self, point: np.ndarray) -> float:
+        """Under the weights of the last `quadratic`."""
+        self.evaluations += 1
+        return 0.5 * float(self.emphasis @ (self._target - self._evaluated(point)) ** 2)
+
+    def moved(self, point: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Within bounds."""
+        space = self._space
+        factor = np.exp(np.where(space.logarithmic, step, 0.0))
+        return np.clip(np.where(space.logarithmic, point * factor, point + step), space.lower, space.upper)
+
+    def blocked(self, point: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """What is held or would leave its bounds."""
+        space = self._space
+        below, above = (point <= space.lower) & (gradient > 0.0), (point >= space.upper) & (gradient < 0.0)
+        return np.asarray(~space.free | below | above)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tcs_friction.identify.refine import Outcome
+from tcs_friction.numerics.outcome import Outcome
 
 SCHEMA = "tcs_friction/identification/1"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcs_friction.identify.cost import scales, widest
-from tcs_friction.identify.models import first_directions
+from tcs_friction.identify.models import LuGreModel, first_directions
 from tcs_friction.identify.problem import MOST_INITIAL_STATES, Problem
 from tcs_friction.identify.refine import Space
 from tcs_friction.physics.terms import Role
@@ -33,7 +33,7 @@ def space_of(problem: Problem, free_inertia: bool, free_offset: bool) -> Space:
     """Bounds within which the data can tell a parameter; positive ones move by factors; free initial bristle torques."""
     parameters = problem.axis.friction.term.parameters
     states = len(problem.motion.bounds) - 1
-    free_states = hasattr(problem.model, "_bounds") and states <= MOST_INITIAL_STATES
+    free_states = isinstance(problem.model, LuGreModel) and states <= MOST_INITIAL_STATES
     box = widest(parameters, scales(problem, problem.axis.inertia))
     lower = np.array(
         [

@@ -17,7 +17,7 @@ from tcs_friction.identify.comparison import compare_laws
 from tcs_friction.identify.identification import IdentifyOptions, identified_axis, identify
 from tcs_friction.identify.motion import FrictionSeries, prepare
 from tcs_friction.identify.operators import SwarmOptions
-from tcs_friction.identify.refine import Outcome
+from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.bags import read_recordings

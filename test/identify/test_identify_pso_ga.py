@@ -11,7 +11,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.identify import operators
 from tcs_friction.identify.operators import SwarmOptions, alone
 from tcs_friction.identify.pso_ga import Generation, search
-from tcs_friction.identify.refine import Outcome
+from tcs_friction.numerics.outcome import Outcome
 
 SMALL = SwarmOptions(population=30, generations=3, swarm_generations=20, genetic_generations=10)
 
