@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from tcs_friction.errors import InputError
-from tcs_friction.physics.registry import effect
-from tcs_friction.physics.terms import Instance, Place, instance
+from tcs_friction.physics.registry import alignment
+from tcs_friction.physics.terms import Feature, Instance, Place, instance
 
 KINDS = ("rotary", "linear")
+SLOWEST = 1.0  # 1/s, of the rates that an integration step resolves: no step needs to be longer
 
 
 @dataclass(frozen=True)
@@ -70,17 +71,26 @@ class Axis:
         return 1.0 if self.kind == "rotary" else 2.0 * math.pi
 
     @property
+    def dry_level(self) -> float:
+        """Dry friction (N m) of steady sliding, before effects."""
+        return self.friction.values[self.friction.term.level.name]
+
+    @property
     def bristle(self) -> float:
         """Travel (rad) in which the law's dry friction builds up, 0 for a law without bristles."""
-        values = self.friction.values
-        return values["coulomb"] / values["stiffness"] if values.get("stiffness", 0.0) > 0.0 else 0.0
+        return self.friction.term.bristle(self.friction.values)
+
+    @property
+    def features(self) -> frozenset[Feature]:
+        """The parts of the friction that its law and effects describe."""
+        return self.friction.term.features.union(*(item.term.features for item in self.effects))
 
     @property
     def terms(self) -> tuple[Instance, ...]:
         """All terms in the order they act: drive, scale, law, opposing, body, sensor."""
         order = list(Place)
-        delay = effect("transport_delay")
-        known = (instance(delay, {"delay": self.actuation_delay}),) if self.actuation_delay > 0.0 else ()
+        delay = alignment()
+        known = [instance(delay, {delay.alignment: self.actuation_delay})] if self.actuation_delay > 0.0 else []
         every = [*known, self.friction, *self.effects]
         return tuple(sorted(every, key=lambda item: (order.index(item.term.place), item.term.rank)))
 
@@ -102,17 +112,5 @@ class Axis:
 
     def fastest_rate(self) -> float:
         """Fastest rate (1/s) of the axis' own dynamics that the integration step has to resolve."""
-        rates = [1.0]
-        for item in (self.friction, *self.effects):
-            values = item.values
-            share = 1.0 - values.get("inertia_ratio", 0.0)
-            moving = self.inertia * share
-            rates.append(
-                math.sqrt(values.get("stiffness", 0.0) / moving) if values.get("stiffness", 0.0) > 0 else 0.0
-            )
-            rates.append((values.get("damping", 0.0) + values.get("viscous", 0.0)) / moving)
-            rates.append(2.0 * math.pi * values.get("frequency", 0.0))
-            rates.append(2.0 * math.pi * values.get("contact_frequency", 0.0) / math.sqrt(share))
-            if "time_constant" in values and item.term.place is Place.DRIVE and values["time_constant"] > 0.0:
-                rates.append(0.1 / values["time_constant"])
-        return max(rates)
+        items = (self.friction, *self.effects)
+        return max(SLOWEST, *(item.term.rate(item.values, self.inertia) for item in items))

@@ -64,7 +64,8 @@ from tcs_friction.physics.terms import (
     VELOCITY_DECAY,
     STEP,
     SUBSTEPS,
-) = range(10)
+    LEVEL_PLACE,  # of the law's level among all parameters; -1 without a law
+) = range(11)
 
 
 class Machine(NamedTuple):
@@ -78,7 +79,7 @@ class Machine(NamedTuple):
     state_ends: np.ndarray  # (k + 1,)
     motion: np.ndarray  # (EXOGENOUS + signals,)
     body: np.ndarray  # (10,)
-    constants: np.ndarray  # (10,)
+    constants: np.ndarray  # (11,)
 
 
 def build(
@@ -114,6 +115,7 @@ def build(
             math.exp(-2.0 * math.pi * bandwidth * period) if bandwidth > 0.0 else 0.0,
             dt,
             float(substeps),
+            float(_level_place(terms, packed)),
         ]
     )
     motion = np.zeros(EXOGENOUS + len(signals))
@@ -141,6 +143,16 @@ def build(
         body,
         constants,
     )
+
+
+def _level_place(terms: Sequence[Instance], packed: Sequence[np.ndarray]) -> int:
+    """Where the law's level is among all the packed parameters, -1 without a law."""
+    before = 0
+    for item, values in zip(terms, packed, strict=True):
+        if item.term.place is Place.LAW:
+            return before + item.term.parameters.index(item.term.level)
+        before += len(values)
+    return -1
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -280,9 +292,8 @@ def measured_instant(
 @njit(cache=True, error_model="numpy", inline="always")
 def arrest_per_speed(m: Machine, resolution: float) -> float:
     """How steeply the torque that would arrest the axis grows with its speed, N m s/rad."""
-    if m.ends[1] == m.ends[2]:
-        return 0.0
-    return float(m.parameters[m.parameter_ends[m.ends[1]]] / resolution)  # the law's first parameter
+    place = int(m.constants[LEVEL_PLACE])
+    return float(m.parameters[place] / resolution) if place >= 0 else 0.0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -15,7 +15,7 @@ from types import MappingProxyType, ModuleType
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics import effects as effects_package
 from tcs_friction.physics import friction as friction_package
-from tcs_friction.physics.terms import Place, Term
+from tcs_friction.physics.terms import Feature, Place, Term
 
 
 def _own(package: ModuleType) -> list[Term]:
@@ -62,6 +62,29 @@ def law(name: str, where: str = "axis") -> Term:
 def effect(name: str, where: str = "axis") -> Term:
     """The effect of that name; InputError names the nearest known one."""
     return _get(effects(), name, f"{where}: effect")
+
+
+@cache
+def alignment() -> Term:
+    """The effect that the known delay of an axis file is: the torque acts later than logged, and nothing else."""
+    return next(term for term in effects().values() if term.alignment)
+
+
+@cache
+def offset() -> Term:
+    """The effect that is a constant torque, and nothing else."""
+    return next(term for term in effects().values() if term.offset)
+
+
+@cache
+def tabulated() -> Term:
+    """The effect that is a table: it stands in for what no other one explains."""
+    return next(term for term in effects().values() if term.tabulated)
+
+
+def usual_law(features: frozenset[Feature]) -> Term:
+    """The friction law to take for exactly these parts of the friction where nobody names a law."""
+    return next(term for term in laws().values() if term.usual and term.features == features)
 
 
 def _get(known: Mapping[str, Term], name: str, where: str) -> Term:

@@ -10,8 +10,9 @@ from physics_cases import COULOMB, LUGRE, plain
 
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import law, laws
 from tcs_friction.physics.simulate import LONGEST_STEP, substeps_for
-from tcs_friction.physics.terms import Place
+from tcs_friction.physics.terms import Feature, Place, instance
 
 
 @pytest.mark.parametrize(
@@ -85,3 +86,24 @@ def test_substeps_are_short_against_stiff_friction() -> None:
     stiff = Axis("a", 1.0, LUGRE.replace(stiffness=1e10, damping=0.0))
     assert 1e-3 / substeps_for(stiff, 1e-3) <= 0.2 / 1e5
     assert substeps_for(Axis("a", 1000.0, LUGRE), 1e-5) == 1
+
+
+def test_only_what_is_fast_asks_for_short_steps() -> None:
+    """A damping ratio and a relative change of viscous friction are no rates, however light the axis."""
+    plainly = Axis("a", 1e-4, COULOMB.replace(viscous=0.0))
+    mode = plain("flexible_mode").replace(damping=0.9)
+    assert plainly.with_effect(mode).fastest_rate() == pytest.approx(2.0 * math.pi * 20.0)
+    assert plainly.with_effect(plain("warmup_drift")).fastest_rate() == plainly.fastest_rate()
+
+
+@pytest.mark.parametrize("name", sorted(laws()))
+def test_a_law_with_bristles_asks_for_steps_that_resolve_them(name: str) -> None:
+    """As stiff as its level over the travel in which it builds up."""
+    values = {"coulomb": 78.0, "static": 110.0, "stribeck_velocity": 6e-4, "stiffness": 3e9, "damping": 0.0, "viscous": 5.0}
+    values |= {"transient": 30.0, "presliding_distance": 1e-7}
+    known = {p.name for p in law(name).parameters}
+    axis = Axis("a", 10.0, instance(law(name), {key: value for key, value in values.items() if key in known}))
+    assert axis.dry_level == 78.0
+    assert (axis.bristle > 0.0) == (Feature.PRESLIDING in law(name).features)
+    if axis.bristle > 0.0:
+        assert axis.fastest_rate() >= math.sqrt(axis.dry_level / axis.bristle / axis.inertia)

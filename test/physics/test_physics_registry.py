@@ -13,9 +13,9 @@ from tcs_friction.errors import InputError
 from tcs_friction.physics import registry
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.effects import torque_bias
-from tcs_friction.physics.registry import effect, effects, law, laws
+from tcs_friction.physics.registry import alignment, effect, effects, law, laws, tabulated, usual_law
 from tcs_friction.physics.simulate import simulate_open_loop
-from tcs_friction.physics.terms import Place, instance
+from tcs_friction.physics.terms import Feature, Place, instance
 
 FOREIGN = replace(torque_bias.TERM, id="magnet")
 NOT_A_TERM = "just text"
@@ -103,6 +103,13 @@ def test_entry_point_that_is_no_term_is_refused(monkeypatch: pytest.MonkeyPatch)
         InputError, match=r"entry point wrong of tcs_friction.laws: .* is a str, expected a Term"
     ):
         laws()
+
+
+def test_what_the_package_asks_for_is_found_by_its_declaration() -> None:
+    assert alignment().id == "transport_delay"
+    assert tabulated().id == "learned_map"
+    assert usual_law(frozenset(Feature)).id == "lugre"
+    assert usual_law(frozenset({Feature.DRY, Feature.VISCOUS})).id == "coulomb_viscous"
 
 
 def test_unknown_names_name_the_nearest() -> None:

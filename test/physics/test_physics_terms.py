@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,17 @@ from physics_cases import LUGRE, TABLE, plain
 from tcs_friction.errors import InputError
 from tcs_friction.physics import terms
 from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import Parameter, Role, Table, geometric, instance, no_scan, unit_on
+from tcs_friction.physics.terms import (
+    Local,
+    Parameter,
+    Place,
+    Role,
+    Table,
+    geometric,
+    instance,
+    no_scan,
+    unit_on,
+)
 
 COGGING = {"order": 72.0, "amplitude": 2.0}
 
@@ -100,6 +112,52 @@ def test_term_finds_its_parameters() -> None:
     assert law("lugre").parameter("damping").unit == "N m s/rad"
     assert law("lugre").state_size(LUGRE.values, 1e-3) == 1
     assert effect("transport_delay").state_size({"delay": 0.01}, 1e-3) >= 11
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"coordinate": "positon"}, "term cogging: unknown coordinate 'positon', expected position"),
+        ({"periodic": "space"}, "term cogging: periodic is 'space', expected position, time or nothing"),
+        ({"frequency": "ordr"}, "term cogging: no parameter 'ordr', expected order"),
+        ({"alignment": "phas"}, "term cogging: no parameter 'phas', expected phase"),
+        ({"local": Local("order", "width")}, "term cogging: no parameter 'width'"),
+        ({"place": Place.LAW}, "the level of its dry friction is unknown, expected one parameter with the feature DRY"),
+    ],
+)
+def test_a_declaration_that_contradicts_itself_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        replace(effect("cogging"), **changes)
+
+
+def test_harmonics_are_the_amplitudes_with_their_phases() -> None:
+    names = [(a.name, p.name) for a, p in effect("cogging").harmonics if p is not None]
+    assert names == [("amplitude", "phase"), *((f"amplitude_{j}", f"phase_{j}") for j in (2, 3, 4))]
+    assert [a.name for a, _ in effect("periodic_vibration").harmonics] == ["amplitude"]
+    assert effect("imbalance").harmonics == ()
+
+
+def test_where_an_instance_shows() -> None:
+    assert plain("cogging").order == 72.0
+    assert (plain("periodic_vibration").frequency, plain("flexible_mode").frequency) == (7.0, 20.0)
+    assert plain("cogging").frequency is None
+    assert plain("local_friction_bump").extent == pytest.approx((0.29, 0.33))
+    assert plain("load_step").extent == (1.5, None)
+    assert plain("torque_bias").extent is None
+
+
+def test_orders_to_search() -> None:
+    """A torque is periodic with several periods over the travel; uneven friction varies slowly."""
+    once = 0.5  # order with one period over two turns
+    assert effect("cogging").orders(once, True) == (4.0 * once, math.inf)
+    assert effect("cogging").orders(0.1, True)[0] == 1.5  # once per turn is gravity's
+    assert effect("cogging").orders(0.1, False)[0] == pytest.approx(0.4)
+    assert effect("position_dependent_friction").orders(once, True) == (0.25, 12.0)
+
+
+def test_which_signal_suits() -> None:
+    for name, (wind, other) in {"wind_torque": (1, 0), "cross_axis_coupling": (0, 1), "exogenous": (1, 1)}.items():
+        assert (effect(name).suits("Wind_speed"), effect(name).suits("elevation_velocity")) == (wind, other)
 
 
 def test_geometric_series() -> None:

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from tcs_friction.physics.terms import TORQUE, Parameter, Place, Survey, Term, geometric, kernel
+from tcs_friction.physics.terms import TORQUE, Need, Parameter, Place, Survey, Term, geometric, kernel
+
+SHARE = 0.1  # of 1/time_constant: the kernel is exact for a command on a line, so a step may last two time constants
 
 
 @kernel
@@ -34,6 +36,10 @@ def transfer(values: Mapping[str, float], s: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / (1.0 + s * values["time_constant"]) - 1.0)
 
 
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return SHARE / values["time_constant"] if values["time_constant"] > 0.0 else 0.0
+
+
 TERM = Term(
     id="actuator_lag",
     place=Place.DRIVE,
@@ -46,4 +52,6 @@ TERM = Term(
     subsystem="actuator",
     scan=scan,
     transfer=transfer,
+    needs=frozenset({Need.ACCELERATION}),
+    rate=rate,
 )

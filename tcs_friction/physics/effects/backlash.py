@@ -14,6 +14,7 @@ from tcs_friction.physics.terms import (
     INERTIA,
     TRAVEL,
     VELOCITY,
+    Need,
     Parameter,
     Place,
     Role,
@@ -67,6 +68,11 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"gap": gap, "contact_frequency": survey.cutoff, "contact_damping": 0.15} for gap in gaps]
 
 
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    """Both bodies swing on the contact faster than the second one against a shaft that is held."""
+    return 2.0 * math.pi * values["contact_frequency"] / math.sqrt(1.0 - values["inertia_ratio"])
+
+
 TERM = Term(
     id="backlash",
     place=Place.BODY,
@@ -74,12 +80,31 @@ TERM = Term(
     parameters=(
         Parameter("gap", "rad", "full width of the gap", lower=0.0),
         Parameter(
-            "inertia_ratio", "", "share of the inertia behind the gap", role=Role.LINEAR, lower=0.0, upper=0.99
+            "inertia_ratio",
+            "",
+            "share of the inertia behind the gap",
+            role=Role.LINEAR,
+            lower=0.0,
+            upper=0.99,
+            stated=False,
         ),
         Parameter(
-            "contact_frequency", "Hz", "resonance of that share on the contact", lower=1e-3, default=50.0
+            "contact_frequency",
+            "Hz",
+            "resonance of that share on the contact",
+            lower=1e-3,
+            default=50.0,
+            stated=False,
         ),
-        Parameter("contact_damping", "", "damping ratio of the contact", lower=0.0, upper=0.99, default=0.1),
+        Parameter(
+            "contact_damping",
+            "",
+            "damping ratio of the contact",
+            lower=0.0,
+            upper=0.99,
+            default=0.1,
+            stated=False,
+        ),
     ),
     kernel=torque,
     reads=(),
@@ -87,5 +112,7 @@ TERM = Term(
     coordinate="time_since_reversal",
     subsystem="structure",
     scan=scan,
-    jagged=True,
+    discontinuous=True,
+    needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS, Need.ACCELERATION}),
+    rate=rate,
 )

@@ -9,7 +9,18 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.terms import TRAVEL, Parameter, Place, Role, Survey, Term, geometric, kernel
+from tcs_friction.physics.terms import (
+    TRAVEL,
+    Need,
+    Parameter,
+    Place,
+    Role,
+    Survey,
+    Term,
+    geometric,
+    kernel,
+    spring_rate,
+)
 
 
 @kernel
@@ -28,6 +39,10 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"width": width} for width in geometric(lowest, max(0.3 * survey.span, 2.0 * lowest), 8)]
 
 
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return spring_rate(abs(values["amplitude"]) / values["width"], 0.0, inertia)
+
+
 TERM = Term(
     id="cable_hysteresis",
     place=Place.OPPOSING,
@@ -42,4 +57,6 @@ TERM = Term(
     coordinate="time_since_reversal",
     subsystem="cable",
     scan=scan,
+    needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS}),
+    rate=rate,
 )

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from tcs_friction.physics.terms import POSITION, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import POSITION, Need, Parameter, Place, Role, Term, kernel, spring_rate
 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     twist = motion[POSITION] - parameters[2]
     return float((parameters[0] + parameters[1] * twist * twist) * twist)
+
+
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return spring_rate(values["stiffness"], 0.0, inertia)
 
 
 TERM = Term(
@@ -26,4 +31,6 @@ TERM = Term(
     reads=(),
     coordinate="position",
     subsystem="cable",
+    needs=frozenset({Need.FREE_ACCELERATION}),
+    rate=rate,
 )

@@ -26,7 +26,12 @@ def _harmonic(j: int) -> tuple[Parameter, Parameter]:
     default = None if j == 1 else 0.0
     return (
         Parameter(
-            f"amplitude{suffix}", "N m", f"amplitude of harmonic {j}", default=default, role=Role.LINEAR
+            f"amplitude{suffix}",
+            "N m",
+            f"amplitude of harmonic {j}",
+            default=default,
+            role=Role.LINEAR,
+            stated=j == 1,
         ),
         Parameter(f"phase{suffix}", "rad", f"phase of harmonic {j}", default=0.0, role=Role.PHASE),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import DRY_SCALE, VELOCITY, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import DRY_SCALE, VELOCITY, Need, Parameter, Place, Role, Term, kernel
 
 
 @kernel
@@ -25,4 +25,5 @@ TERM = Term(
     kernel=scale,
     reads=(),
     coordinate="direction",
+    needs=frozenset({Need.MOTION, Need.BOTH_DIRECTIONS}),
 )

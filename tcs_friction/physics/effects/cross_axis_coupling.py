@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tcs_friction.physics.effects.wind_torque import names_wind
 from tcs_friction.physics.terms import Parameter, Place, Role, Term, kernel
 
 
@@ -18,6 +19,11 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(parameters[0] * state[2])
 
 
+def may_be_a_velocity(name: str) -> bool:
+    """Whether a recorded signal of this name may be another axis' velocity: anything but a wind."""
+    return not names_wind(name)
+
+
 TERM = Term(
     id="cross_axis_coupling",
     place=Place.OPPOSING,
@@ -29,4 +35,5 @@ TERM = Term(
     signals=1,
     coordinate="exogenous",
     subsystem="environment",
+    suits=may_be_a_velocity,
 )

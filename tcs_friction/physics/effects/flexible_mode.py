@@ -18,6 +18,7 @@ from numba import njit
 from tcs_friction.physics.terms import (
     INERTIA,
     VELOCITY,
+    Need,
     Parameter,
     Place,
     Survey,
@@ -77,6 +78,10 @@ def warnings(values: Mapping[str, float]) -> list[str]:
     return [f"a mode with a damping ratio of {damping:.3g} shows no resonance"] if damping > DAMPED else []
 
 
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return 2.0 * math.pi * values["frequency"]
+
+
 TERM = Term(
     id="flexible_mode",
     place=Place.BODY,
@@ -91,7 +96,9 @@ TERM = Term(
             upper=0.99,
             default=0.02,
         ),
-        Parameter("inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.95),
+        Parameter(
+            "inertia_ratio", "", "share of the inertia behind the spring", lower=0.0, upper=0.95, stated=False
+        ),
     ),
     kernel=torque,
     reads=(),
@@ -101,4 +108,7 @@ TERM = Term(
     scan=scan,
     transfer=transfer,
     warn=warnings,
+    needs=frozenset({Need.ACCELERATION}),
+    rate=rate,
+    frequency="frequency",
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import CYCLE, POSITION, Need, Parameter, Place, Role, Term, kernel
 
 
 @kernel
@@ -26,4 +26,5 @@ TERM = Term(
     rotary=True,
     coordinate="position",
     subsystem="structure",
+    needs=frozenset({Need.FREE_ACCELERATION}),
 )

@@ -17,6 +17,10 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"time": survey.start + survey.duration * (i + 1) / 31} for i in range(30)]
 
 
+def extent(values: Mapping[str, float]) -> tuple[float, float | None]:
+    return values["time"], None
+
+
 TERM = Term(
     id="load_step",
     place=Place.OPPOSING,
@@ -30,5 +34,6 @@ TERM = Term(
     coordinate="time",
     subsystem="environment",
     scan=scan,
-    jagged=True,
+    discontinuous=True,
+    extent=extent,
 )

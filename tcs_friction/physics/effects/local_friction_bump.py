@@ -9,6 +9,7 @@ from typing import Any
 from tcs_friction.physics.terms import (
     DRY_SCALE,
     POSITION,
+    Local,
     Parameter,
     Place,
     Role,
@@ -47,5 +48,5 @@ TERM = Term(
     reads=(),
     coordinate="position",
     scan=scan,
-    local=True,
+    local=Local(),
 )

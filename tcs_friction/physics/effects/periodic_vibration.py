@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Term, kernel
@@ -11,6 +12,10 @@ from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Term, kerne
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(parameters[1] * math.sin(2.0 * math.pi * parameters[0] * motion[TIME] + parameters[2]))
+
+
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return 2.0 * math.pi * values["frequency"]
 
 
 TERM = Term(
@@ -27,4 +32,5 @@ TERM = Term(
     coordinate="frequency",
     subsystem="environment",
     periodic="time",
+    rate=rate,
 )

@@ -17,6 +17,8 @@ from tcs_friction.physics.terms import (
     resolved,
 )
 
+MOST_PERIODS = 12.0  # per turn: bearings out of true and uneven grease vary more slowly
+
 
 @kernel
 def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -25,6 +27,11 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     angle = parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2]
     motion[DRY_SCALE] *= 1.0 + parameters[1] * math.cos(angle)
     return 0.0
+
+
+def orders(once: float, rotary: bool) -> tuple[float, float]:
+    """It varies slowly: from half a period over the travel to MOST_PERIODS per turn, or over a travel shorter than a turn."""
+    return 0.5 * once, MOST_PERIODS * max(once, 1.0)
 
 
 TERM = Term(
@@ -47,4 +54,5 @@ TERM = Term(
     reads=(),
     coordinate="position",
     periodic="position",
+    orders=orders,
 )

@@ -10,6 +10,7 @@ from tcs_friction.physics.terms import (
     INERTIA,
     POSITION,
     VELOCITY,
+    Need,
     Parameter,
     Place,
     Role,
@@ -42,4 +43,5 @@ TERM = Term(
     rotary=True,
     coordinate="acceleration",
     subsystem="structure",
+    needs=frozenset({Need.ACCELERATION, Need.FREE_ACCELERATION, Need.TRAVEL}),
 )

@@ -15,12 +15,15 @@ from tcs_friction.physics.terms import (
     MOBILISED,
     TRAVEL,
     VELOCITY,
+    Feature,
+    Need,
     Parameter,
     Place,
     Survey,
     Term,
     geometric,
     kernel,
+    spring_rate,
 )
 
 
@@ -47,13 +50,19 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return starts
 
 
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return spring_rate(values["stiffness"], values["damping"], inertia)
+
+
 TERM = Term(
     id="presliding",
     place=Place.OPPOSING,
     form="F becomes sigma0 z + sigma1 dz/dt, dz/dt = v - sigma0 |v|/g(v) z",
     parameters=(
-        Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9),
-        Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0, default=0.0),
+        Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9, feature=Feature.PRESLIDING),
+        Parameter(
+            "damping", "N m s/rad", "bristle damping, sigma1", lower=0.0, default=0.0, feature=Feature.PRESLIDING
+        ),
     ),
     kernel=torque,
     reads=("friction",),
@@ -61,4 +70,6 @@ TERM = Term(
     coordinate="time_since_reversal",
     rank=-1,
     scan=scan,
+    needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS}),
+    rate=rate,
 )

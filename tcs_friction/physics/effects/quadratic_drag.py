@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import VELOCITY, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import VELOCITY, Need, Parameter, Place, Role, Term, kernel
 
 
 @kernel
@@ -20,4 +20,5 @@ TERM = Term(
     kernel=torque,
     reads=(),
     coordinate="velocity",
+    needs=frozenset({Need.SPEEDS}),
 )

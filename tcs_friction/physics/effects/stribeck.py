@@ -9,6 +9,8 @@ from typing import Any
 from tcs_friction.physics.terms import (
     EXTRA_LEVEL,
     VELOCITY,
+    Feature,
+    Need,
     Parameter,
     Place,
     Role,
@@ -38,11 +40,21 @@ TERM = Term(
     place=Place.SCALE,
     form="level + drop exp(-(v/stribeck_velocity)^2)",
     parameters=(
-        Parameter("drop", "N m", "static minus coulomb", lower=0.0, role=Role.LINEAR),
-        Parameter("stribeck_velocity", "rad/s", "velocity over which static falls to coulomb", lower=1e-12),
+        Parameter(
+            "drop", "N m", "static minus coulomb", lower=0.0, role=Role.LINEAR, feature=Feature.STRIBECK
+        ),
+        Parameter(
+            "stribeck_velocity",
+            "rad/s",
+            "velocity over which static falls to coulomb",
+            lower=1e-12,
+            feature=Feature.STRIBECK,
+            stated=False,
+        ),
     ),
     kernel=scale,
     reads=(),
     coordinate="velocity",
     scan=scan,
+    needs=frozenset({Need.SPEEDS}),
 )

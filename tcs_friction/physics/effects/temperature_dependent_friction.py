@@ -8,6 +8,7 @@ from tcs_friction.physics.terms import (
     DRY_SCALE,
     TEMPERATURE,
     VISCOUS_SCALE,
+    Need,
     Parameter,
     Place,
     Role,
@@ -47,4 +48,5 @@ TERM = Term(
     reads=(),
     temperature=True,
     coordinate="temperature",
+    needs=frozenset({Need.DURATION}),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import Need, Parameter, Place, Role, Term, kernel
 
 
 @kernel
@@ -21,4 +21,6 @@ TERM = Term(
     reads=(),
     coordinate="torque",
     subsystem="actuator",
+    offset="bias",
+    needs=frozenset({Need.BOTH_DIRECTIONS}),
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tcs_friction.physics.terms import TORQUE, Parameter, Place, Survey, Term, geometric, kernel
+from tcs_friction.physics.terms import TORQUE, Need, Parameter, Place, Survey, Term, geometric, kernel
 
 
 @kernel
@@ -52,4 +52,6 @@ TERM = Term(
     subsystem="timing",
     scan=scan,
     transfer=transfer,
+    alignment="delay",
+    needs=frozenset({Need.ACCELERATION}),
 )

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from tcs_friction.physics.terms import VELOCITY, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import VELOCITY, Need, Parameter, Place, Role, Term, kernel
 
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(parameters[0] * abs(motion[VELOCITY]))
+
+
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    return abs(values["asymmetry"]) / inertia
 
 
 TERM = Term(
@@ -24,4 +29,6 @@ TERM = Term(
     kernel=torque,
     reads=(),
     coordinate="direction",
+    needs=frozenset({Need.BOTH_DIRECTIONS, Need.SPEEDS}),
+    rate=rate,
 )

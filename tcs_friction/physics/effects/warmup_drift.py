@@ -10,6 +10,7 @@ from tcs_friction.physics.terms import (
     DRY_SCALE,
     TIME,
     VISCOUS_SCALE,
+    Need,
     Parameter,
     Place,
     Role,
@@ -61,4 +62,5 @@ TERM = Term(
     reads=(),
     coordinate="time",
     scan=scan,
+    needs=frozenset({Need.DURATION}),
 )

@@ -6,11 +6,18 @@ from typing import Any
 
 from tcs_friction.physics.terms import Parameter, Place, Role, Term, kernel
 
+WORDS = ("wind", "gust", "anemo")  # in the name of a recorded wind
+
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     wind = motion[int(parameters[1])]
     return float(parameters[0] * wind * abs(wind))
+
+
+def names_wind(name: str) -> bool:
+    """Whether a recorded signal of this name is a wind."""
+    return any(word in name.lower() for word in WORDS)
 
 
 TERM = Term(
@@ -23,4 +30,5 @@ TERM = Term(
     signals=1,
     coordinate="exogenous",
     subsystem="environment",
+    suits=names_wind,
 )

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.friction.coulomb_viscous import static_friction
+from tcs_friction.physics.friction.coulomb_viscous import static_friction, viscous_rate
 from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
 from tcs_friction.physics.friction.stribeck_static import stribeck_fall
-from tcs_friction.physics.terms import TORQUE, VELOCITY, Parameter, Place, Term, kernel
+from tcs_friction.physics.terms import TORQUE, VELOCITY, Feature, Parameter, Place, Term, kernel
 
 
 @kernel
@@ -32,7 +32,16 @@ TERM = Term(
         STATIC,
         STRIBECK_VELOCITY,
         VISCOUS_COEFFICIENT,
-        Parameter("exponent", "", "shape of the Stribeck curve", lower=0.2, upper=4.0, default=2.0),
+        Parameter(
+            "exponent",
+            "",
+            "shape of the Stribeck curve",
+            lower=0.2,
+            upper=4.0,
+            default=2.0,
+            feature=Feature.STRIBECK,
+            refitted=False,
+        ),
         Parameter(
             "load",
             "",
@@ -52,4 +61,5 @@ TERM = Term(
     ),
     kernel=friction,
     reads=("torque",),
+    rate=viscous_rate,
 )

@@ -10,6 +10,7 @@ and falls to coulomb over the long one.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT, scaled
@@ -21,10 +22,12 @@ from tcs_friction.physics.terms import (
     VELOCITY,
     VISCOUS,
     VISCOUS_SCALE,
+    Feature,
     Parameter,
     Place,
     Term,
     kernel,
+    spring_rate,
 )
 
 
@@ -45,6 +48,17 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(motion[DRY] + motion[VISCOUS])
 
 
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    """Of the inertia on the faster element, as stiff as it is after a reversal."""
+    stiffness = (values["coulomb"] + values["transient"]) / (values["ratio"] * values["presliding_distance"])
+    return spring_rate(stiffness, values["viscous"], inertia)
+
+
+def bristle(values: Mapping[str, float]) -> float:
+    """The distance of the slower element."""
+    return values["presliding_distance"]
+
+
 TERM = Term(
     id="bliman_sorine",
     place=Place.LAW,
@@ -54,7 +68,13 @@ TERM = Term(
         Parameter(
             "transient", "N m", "torque of the slower element, what the friction overshoots by", lower=1e-12
         ),
-        Parameter("presliding_distance", "rad", "distance over which the overshoot dies", lower=1e-15),
+        Parameter(
+            "presliding_distance",
+            "rad",
+            "distance over which the overshoot dies",
+            lower=1e-15,
+            feature=Feature.PRESLIDING,
+        ),
         Parameter(
             "ratio", "", "distance of the rise over that of the fall", lower=0.01, upper=0.99, default=0.3
         ),
@@ -63,4 +83,6 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=2,
+    rate=rate,
+    bristle=bristle,
 )

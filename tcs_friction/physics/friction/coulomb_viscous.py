@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from numba import njit
@@ -37,6 +38,11 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(static_friction(motion, parameters[0], parameters[1]))
 
 
+def viscous_rate(values: Mapping[str, float], inertia: float) -> float:
+    """Of the decay by viscous friction."""
+    return values["viscous"] / inertia
+
+
 TERM = Term(
     id="coulomb_viscous",
     place=Place.LAW,
@@ -44,4 +50,6 @@ TERM = Term(
     parameters=(COULOMB, VISCOUS_COEFFICIENT),
     kernel=friction,
     reads=(),
+    rate=viscous_rate,
+    usual=True,
 )

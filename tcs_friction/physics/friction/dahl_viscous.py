@@ -11,8 +11,10 @@ from tcs_friction.physics.friction.lugre import (
     COULOMB,
     STIFFNESS,
     VISCOUS_COEFFICIENT,
+    bristle,
     bristle_step,
     level_before,
+    rate,
     scaled,
 )
 from tcs_friction.physics.terms import (
@@ -50,4 +52,6 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=1,
+    rate=rate,
+    bristle=bristle,
 )

@@ -26,11 +26,13 @@ from tcs_friction.physics.terms import (
     VELOCITY,
     VISCOUS,
     VISCOUS_SCALE,
+    Feature,
     Parameter,
     Place,
     Role,
     Term,
     kernel,
+    spring_rate,
 )
 
 VANISHED = 40.0  # exponent beyond which a bell curve is below rounding
@@ -120,15 +122,41 @@ def warnings(values: Mapping[str, float]) -> list[str]:
     return found
 
 
-COULOMB = Parameter("coulomb", "N m", "friction torque of steady sliding", lower=1e-12)
-STATIC = Parameter("static", "N m", "largest friction torque before sliding", lower=1e-12)
-STRIBECK_VELOCITY = Parameter(
-    "stribeck_velocity", "rad/s", "velocity over which static falls to coulomb", lower=1e-12
+def rate(values: Mapping[str, float], inertia: float) -> float:
+    """Of the inertia on the bristles, with all the damping that is declared."""
+    damping = values.get("damping", 0.0) + values["viscous"]
+    return spring_rate(values["stiffness"], damping, inertia)
+
+
+def bristle(values: Mapping[str, float]) -> float:
+    """Deflection (rad) of a bristle that slides."""
+    return values["coulomb"] / values["stiffness"]
+
+
+COULOMB = Parameter("coulomb", "N m", "friction torque of steady sliding", lower=1e-12, feature=Feature.DRY)
+STATIC = Parameter(
+    "static", "N m", "largest friction torque before sliding", lower=1e-12, feature=Feature.STRIBECK
 )
-STIFFNESS = Parameter("stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9)
-DAMPING = Parameter("damping", "N m s/rad", "bristle damping, sigma1", lower=0.0)
+STRIBECK_VELOCITY = Parameter(
+    "stribeck_velocity",
+    "rad/s",
+    "velocity over which static falls to coulomb",
+    lower=1e-12,
+    feature=Feature.STRIBECK,
+)
+STIFFNESS = Parameter(
+    "stiffness", "N m/rad", "bristle stiffness, sigma0", lower=1e-9, feature=Feature.PRESLIDING
+)
+DAMPING = Parameter(
+    "damping", "N m s/rad", "bristle damping, sigma1", lower=0.0, feature=Feature.PRESLIDING
+)
 VISCOUS_COEFFICIENT = Parameter(
-    "viscous", "N m s/rad", "viscous coefficient, sigma2", lower=0.0, role=Role.LINEAR
+    "viscous",
+    "N m s/rad",
+    "viscous coefficient, sigma2",
+    lower=0.0,
+    role=Role.LINEAR,
+    feature=Feature.VISCOUS,
 )
 
 TERM = Term(
@@ -140,4 +168,7 @@ TERM = Term(
     reads=(),
     states=1,
     warn=warnings,
+    rate=rate,
+    bristle=bristle,
+    usual=True,
 )

@@ -18,6 +18,8 @@ from tcs_friction.physics.friction.lugre import (
     STIFFNESS,
     STRIBECK_VELOCITY,
     VISCOUS_COEFFICIENT,
+    bristle,
+    rate,
     scaled,
     stribeck_level,
 )
@@ -85,4 +87,6 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=element_count,
+    rate=rate,
+    bristle=bristle,
 )

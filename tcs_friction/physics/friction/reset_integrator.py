@@ -14,6 +14,8 @@ from tcs_friction.physics.friction.lugre import (
     STATIC,
     STIFFNESS,
     VISCOUS_COEFFICIENT,
+    bristle,
+    rate,
     scaled,
 )
 from tcs_friction.physics.terms import (
@@ -55,4 +57,6 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=1,
+    rate=rate,
+    bristle=bristle,
 )

@@ -11,9 +11,9 @@ from typing import Any
 
 from numba import njit
 
-from tcs_friction.physics.friction.coulomb_viscous import static_friction
+from tcs_friction.physics.friction.coulomb_viscous import static_friction, viscous_rate
 from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
-from tcs_friction.physics.terms import VELOCITY, Parameter, Place, Term, kernel
+from tcs_friction.physics.terms import VELOCITY, Feature, Parameter, Place, Term, kernel
 
 
 @njit(cache=True, error_model="numpy")
@@ -39,8 +39,18 @@ TERM = Term(
         STATIC,
         STRIBECK_VELOCITY,
         VISCOUS_COEFFICIENT,
-        Parameter("exponent", "", "shape of the Stribeck curve", lower=0.2, upper=4.0, default=2.0),
+        Parameter(
+            "exponent",
+            "",
+            "shape of the Stribeck curve",
+            lower=0.2,
+            upper=4.0,
+            default=2.0,
+            feature=Feature.STRIBECK,
+            refitted=False,
+        ),
     ),
     kernel=friction,
     reads=(),
+    rate=viscous_rate,
 )

@@ -1,0 +1,102 @@
+"""A term with values: what an axis is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+from types import MappingProxyType
+
+import numpy as np
+
+from tcs_friction.errors import InputError, nearest
+from tcs_friction.physics.motion import EXOGENOUS
+from tcs_friction.physics.table import Table
+from tcs_friction.physics.term import Term
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A term with values: what an axis is made of. Values are complete and checked; build with `instance`.
+
+    identity: tells it from others of its kind and stays when its values change.
+    """
+
+    term: Term
+    values: Mapping[str, float]
+    signal: str | None = None
+    table: Table | None = None
+    identity: int = field(default_factory=count().__next__, compare=False)
+
+    @property
+    def order(self) -> float:
+        """Order (1/turn, 1/m) or frequency (Hz) of a periodic effect."""
+        return self.values[self.term.order.name]
+
+    @property
+    def frequency(self) -> float | None:
+        """Frequency (Hz) at which it shows, if it has one."""
+        name = self.term.frequency or (self.term.order.name if self.term.periodic == "time" else "")
+        return self.values[name] if name else None
+
+    @property
+    def extent(self) -> tuple[float, float | None] | None:
+        """From where to where along its coordinate it shows, if not everywhere; None at the end: to the end."""
+        if self.term.local is not None:
+            centre, width = (self.values[name] for name in (self.term.local.centre, self.term.local.width))
+            return centre - width, centre + width
+        return self.term.extent(self.values) if self.term.extent is not None else None
+
+    def replace(self, **values: float) -> Instance:
+        """The same instance with some values changed."""
+        changed = instance(self.term, {**self.values, **values}, signal=self.signal, table=self.table)
+        return replace(changed, identity=self.identity)
+
+    def again(self) -> Instance:
+        """Another effect with the same values."""
+        return Instance(self.term, self.values, self.signal, self.table)
+
+    def packed(self, signals: tuple[str, ...] = ()) -> np.ndarray:
+        """Parameters as the kernel reads them: declared values, then signal slots, then the table."""
+        packed = [self.values[p.name] for p in self.term.parameters]
+        if self.term.signals:
+            if self.signal not in signals:
+                known = ", ".join(signals) or "none"
+                raise InputError(
+                    f"effect {self.term.id}", f"no recorded signal named {self.signal!r}", f"one of: {known}"
+                )
+            packed.append(float(EXOGENOUS + signals.index(self.signal)))
+        if self.table is not None:
+            packed.extend(self.table.packed(signals))
+        return np.array(packed, dtype=np.float64)
+
+
+def instance(
+    term: Term,
+    values: Mapping[str, object],
+    where: str = "axis",
+    signal: str | None = None,
+    table: Table | None = None,
+) -> Instance:
+    """Check values against the term's declaration and fill defaults.
+
+    Raises
+    ------
+    InputError: a parameter is unknown (names the nearest), missing, not finite or out of bounds.
+    """
+    where = f"{where} {term.id}" if term.id not in where else where
+    names = [p.name for p in term.parameters]
+    for name in values:
+        if name not in names:
+            raise InputError(where, f"unknown parameter {name!r}", nearest(name, names))
+    checked = {}
+    for parameter in term.parameters:
+        value = values.get(parameter.name, parameter.default)
+        if value is None:
+            raise InputError(where, f"{parameter.name} is missing", f"a number in {parameter.unit or '1'}")
+        checked[parameter.name] = parameter.check(value, where)
+    if term.signals and signal is None:
+        raise InputError(where, "signal is missing", "the name of a recorded exogenous signal")
+    if term.tabulated and table is None:
+        raise InputError(where, "table is missing", "coordinates, lower, upper and values")
+    return Instance(term, MappingProxyType(checked), signal, table)
