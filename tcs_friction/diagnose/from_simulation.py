@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.dataset.excitation import plain_balance
-from tcs_friction.diagnose.dataset.preprocessing import condition
+from tcs_friction.diagnose.dataset.checks import plain_balance
+from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import identified_axis, identify
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import law
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.registry import usual_law
+from tcs_friction.physics.terms import Feature, instance
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
 
-LAWS = ("lugre", "coulomb_viscous")  # the second where the motion does not determine the first's bristles
+SIMPLEST = frozenset({Feature.DRY, Feature.VISCOUS})  # what any motion to and fro at several speeds determines
 BIAS = 3.0  # standard deviations from which a constant torque is believed
 
 
@@ -51,9 +51,11 @@ def believed_from_simulation(
     recordings = read_recordings([simulation], source or signals_of(simulation))
     start = file.axis if file is not None else starting_axis(recordings)
     progress(0.0, "identifying the simulation")
-    found = identify(recordings, start, "default", LAWS[0], seed)
-    if not found.parameters["stiffness"].determined:
-        found = identify(recordings, start, "default", LAWS[1], seed)
+    whole = usual_law(frozenset(Feature))
+    found = identify(recordings, start, "default", whole.id, seed)
+    bristles = [p.name for p in whole.parameters if p.feature is Feature.PRESLIDING]
+    if not any(found.parameters[name].determined for name in bristles):
+        found = identify(recordings, start, "default", usual_law(SIMPLEST).id, seed)
     if not any(item.determined for item in found.parameters.values()):
         raise InputError(
             str(simulation), "does not determine any friction law", "a simulation with reversals and speeds"
@@ -70,11 +72,13 @@ def believed_from_simulation(
 
 def starting_axis(recordings: Sequence[Recording]) -> Axis:
     """A first guess by a plain balance of torque with acceleration, direction and speed."""
-    data = condition(recordings, held_out=False)
+    data = prepare(recordings, held_out=False)
     numbers = plain_balance(data, np.ones(len(data.joined("torque")), bool))
     inertia, coulomb = (abs(x) for x in numbers) if numbers is not None else (0.0, 0.0)
     level = float(np.sqrt(np.mean(data.joined("torque") ** 2)))
     top = float(np.abs(data.joined("velocity")).max())
     hardest = float(np.abs(data.joined("acceleration")).max())
-    values = {"coulomb": coulomb or 0.5 * level, "viscous": 0.1 * level / top}
-    return Axis("axis", inertia or 0.1 * level / hardest, instance(law("coulomb_viscous", "axis"), values))
+    parts = {Feature.DRY: coulomb or 0.5 * level, Feature.VISCOUS: 0.1 * level / top}
+    law = usual_law(SIMPLEST)
+    values = {p.name: parts[p.feature] for p in law.parameters if p.feature in parts}
+    return Axis("axis", inertia or 0.1 * level / hardest, instance(law, values))

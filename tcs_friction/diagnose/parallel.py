@@ -12,7 +12,7 @@ from typing import TypeVar
 In = TypeVar("In")
 Out = TypeVar("Out")
 
-MOST = 4  # threads: each holds arrays as long as the recordings
+MOST_THREADS = 4  # threads: each holds arrays as long as the recordings
 
 _here = threading.local()
 
@@ -25,14 +25,14 @@ def cores() -> int:
 
 
 def side_by_side(function: Callable[[In], Out], items: Iterable[In]) -> list[Out]:
-    """`[function(item) for item in items]` on up to MOST cores.
+    """`[function(item) for item in items]` on up to MOST_THREADS cores.
 
     Within another such map, threads that have run out of work there help here.
     """
     items = list(items)
     if hasattr(_here, "pool"):
         return _shared(_here.pool, function, items, takes_part=True)
-    workers = min(cores(), MOST)
+    workers = min(cores(), MOST_THREADS)
     if workers < 2 or len(items) < 2:
         return [function(item) for item in items]
     pool: ThreadPoolExecutor
@@ -60,7 +60,7 @@ def _shared(pool: ThreadPoolExecutor, function: Callable[[In], Out], items: list
                 left.clear()
                 raise
 
-    offered = [pool.submit(work) for _ in range(min(len(items), MOST))]
+    offered = [pool.submit(work) for _ in range(min(len(items), MOST_THREADS))]
     if takes_part:
         try:
             work()

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.identify.dob_calibration import Calibration
+from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.terms import unit_on
 from tcs_friction.report import published
 from tcs_friction.report.figures import (
@@ -101,8 +102,7 @@ def _joined(t: Array) -> Array:
 
 
 def _shade(axes: Axes, t: Array, where: np.ndarray) -> None:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(where):
         axes.axvspan(t[start], t[stop - 1], color="#0072b2", alpha=0.07, lw=0)
 
 

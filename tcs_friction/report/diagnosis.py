@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.interpolate import RegularGridInterpolator
 
-from tcs_friction.diagnose.outcome.plot_data import Evidence, Isolated, Look, Map
+from tcs_friction.diagnose.outcome.plot_data import CoordinateCurve, Evidence, Isolated, Map
+from tcs_friction.numerics.runs import runs
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,
@@ -100,16 +101,16 @@ def write_report(
 )
 def draw_atlas(evidence: Evidence) -> Figure:
     """Small multiples, most telling coordinate first, all at one torque scale."""
-    looks = sorted(evidence.atlas, key=lambda look: -_telling(look.coordinate, look.share))[:9]
-    if not looks:
+    curves = sorted(evidence.atlas, key=lambda curve: -_telling(curve.coordinate, curve.share))[:9]
+    if not curves:
         figure, (axes,) = panels(height=1.5)
         _empty(axes, "no coordinate to look at")
         return figure
-    columns = min(3, len(looks))
-    figure, grid = panels(-(-len(looks) // columns), columns, height=2.1, width=9.4, sharey=True)
-    for axes, look in zip(grid, looks, strict=False):
-        _draw_look(axes, look, evidence.torque_unit)
-    for axes in grid[len(looks) :]:
+    columns = min(3, len(curves))
+    figure, grid = panels(-(-len(curves) // columns), columns, height=2.1, width=9.4, sharey=True)
+    for axes, curve in zip(grid, curves, strict=False):
+        _draw_curve(axes, curve, evidence.torque_unit)
+    for axes in grid[len(curves) :]:
         axes.set_axis_off()
     for axes in grid[::columns]:
         axes.set_ylabel(f"residual ({evidence.torque_unit})")
@@ -121,21 +122,21 @@ def _telling(coordinate: str, share: float) -> float:
     return 0.5 * share if coordinate == "frequency" else share
 
 
-def _draw_look(axes: Axes, look: Look, torque_unit: str) -> None:
-    here = look.p_value < SIGNIFICANT
+def _draw_curve(axes: Axes, curve: CoordinateCurve, torque_unit: str) -> None:
+    here = curve.p_value < SIGNIFICANT
     color = BELIEVED if here else MUTED
     axes.axhline(0.0, color=MEASURED, lw=0.7)
-    if look.coordinate == "direction":
-        axes.errorbar(look.x, look.mean, look.band, fmt="o", color=color, capsize=4)
+    if curve.coordinate == "direction":
+        axes.errorbar(curve.x, curve.mean, curve.band, fmt="o", color=color, capsize=4)
         axes.set_xlim(-2, 2)
         axes.set_xticks([-1, 1], ["negative", "positive"])
     else:
-        axes.fill_between(look.x, look.mean - look.band, look.mean + look.band, color=color, alpha=0.25, lw=0)
-        axes.plot(look.x, look.mean, color=color)
-    name = _plain(look.coordinate)
+        axes.fill_between(curve.x, curve.mean - curve.band, curve.mean + curve.band, color=color, alpha=0.25, lw=0)
+        axes.plot(curve.x, curve.mean, color=color)
+    name = _plain(curve.coordinate)
     height = f"; height in {torque_unit}/√Hz" if name == "frequency" else ""
-    axes.set_xlabel(_labelled(look.coordinate, look.unit) + height)
-    axes.set_title(f"{name}: {_percent(look.share)}" if here else f"{name}: chance", color=color)
+    axes.set_xlabel(_labelled(curve.coordinate, curve.unit) + height)
+    axes.set_title(f"{name}: {_percent(curve.share)}" if here else f"{name}: chance", color=color)
 
 
 def _percent(share: float) -> str:
@@ -179,9 +180,7 @@ def draw_series(evidence: Evidence, noise_floor: float) -> Figure:
 
 
 def _shade(axes: Axes, evidence: Evidence) -> None:
-    marked = np.concatenate([[False], np.asarray(evidence.held_out, dtype=bool), [False]])
-    edges = np.flatnonzero(marked[1:] != marked[:-1])
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(np.asarray(evidence.held_out, dtype=bool)):
         axes.axvspan(evidence.t[start], evidence.t[stop - 1], color="#eceff2", lw=0)
 
 

@@ -1,130 +1,97 @@
-"""Conditioning, balance and selection: filters, free numbers, spectra, and a concealed effect found again."""
+"""The torque balance: pure functions of axis and noise model, and a residual whose noise bodies do not amplify."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any
 
 import numpy as np
 import pytest
+from concealed_torque_cases import axis as sweeping_axis
+from concealed_torque_cases import conditioned as sweep
+from concealed_torque_cases import settled
+from open_loop_cases import axis, conditioned, item, recorded
+from scipy import sparse
 
-from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.dataset.preprocessing import condition, low_pass, step_of
-from tcs_friction.diagnose.fit.balance import Balance
-from tcs_friction.diagnose.fit.joint_fit import settle
-from tcs_friction.diagnose.fit.parameters import at_bound, free_parameters, get, moved, put
-from tcs_friction.diagnose.pipeline import diagnose
-from tcs_friction.diagnose.search.candidates import feeds_on_noise
-from tcs_friction.errors import InputError
-from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.machine import build, tick
-from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import Instance, instance
-from tcs_friction.recording.recording import Recording
-
-COGGING = instance(effect("cogging"), {"order": 24.0, "amplitude": 0.6, "phase": 1.0})
+from tcs_friction.diagnose.fit.balance import TorqueBalance, noise_amplification, rms
+from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.fit.noise_estimate import estimated, noise_floor
 
 
-def axis(*effects: Instance) -> Axis:
-    values = {"coulomb": 2.0, "stiffness": 800.0, "viscous": 1.5}
-    return Axis("turntable", 1.2, instance(law("dahl_viscous"), values), effects)
-
-
-def recording(real: Axis, seconds: float = 60.0, seed: int = 1) -> Recording:
-    """A proportional-integral velocity loop with torque and encoder noise follows legs at three speeds and sinusoids."""
-    period, noise = 2e-3, np.random.default_rng(seed)
-    machine = build(real, period / 20, 20)
-    t = period * np.arange(int(seconds / period))
-    speed = 0.8 * np.sin(2 * np.pi * t / 12.0) + 0.3 * np.sin(2 * np.pi * 0.9 * t)
-    position, torque = np.empty(len(t)), np.empty(len(t))
-    integral, command, drift = 0.0, 0.0, 0.0
-    for k, wanted in enumerate(speed):
-        position[k] = machine.body[0] + 2e-6 * noise.standard_normal()
-        error = wanted - machine.body[1]
-        integral += period * error
-        command = 20.0 * error + 60.0 * integral
-        torque[k] = command
-        drift = 0.9 * drift + 0.05 * noise.standard_normal()
-        tick(machine, command + drift, 0.0, 0.0)
-    return Recording(t, position, torque)
+def test_noise_that_a_mode_amplifies_counts_as_much_as_without_it() -> None:
+    """At the antiresonance the encoder's noise is most of the torque that the motion requires."""
+    true = axis(item("flexible_mode", frequency=20.0, damping=0.03, inertia_ratio=0.3))
+    balance = TorqueBalance(conditioned(recorded(true)))
+    noise = white_noise(balance.samples)
+    assert np.allclose(balance.residual(true, noise), balance.torque_residual(true))  # no noise is known yet
+    for _ in range(2):
+        noise = estimated(balance, true, noise)
+    residual = balance.residual(true, noise)
+    assert noise_floor(balance, residual) == pytest.approx(rms(residual[balance.train]), rel=0.12)
+    gain = noise_amplification(true, noise, np.array([0.0, 20.0 * np.sqrt(0.7), 20.0]))
+    assert gain[0] == pytest.approx(1.0)
+    assert gain[1] > 2.5 > 1.0 > gain[2]
+    assert np.array_equal(balance.residual(axis(), noise), balance.torque_residual(axis()))
 
 
 @pytest.fixture(scope="module")
-def plain() -> Recording:
-    return recording(axis())
+def fitted() -> tuple[TorqueBalance, Fit]:
+    return settled(sweep(np.random.default_rng(1), seconds=40.0))
 
 
-def test_derivatives_of_the_low_pass_are_those_of_the_signal() -> None:
-    t = np.arange(0.0, 10.0, 1e-3)
-    values, rate, second = low_pass(np.sin(3.0 * t), 1e-3, 30.0, 2)
-    inside = slice(500, -500)
-    assert np.max(np.abs(values - np.sin(3.0 * t))[inside]) < 1e-6
-    assert np.max(np.abs(rate - 3.0 * np.cos(3.0 * t))[inside]) < 1e-4
-    assert np.max(np.abs(second + 9.0 * np.sin(3.0 * t))[inside]) < 1e-2
+def arrays(x: Any) -> Iterator[np.ndarray]:
+    """All arrays and numbers within an object, but those of its cache."""
+    if isinstance(x, np.ndarray):
+        yield x.copy()
+    elif sparse.issparse(x):
+        yield x.toarray()
+    elif isinstance(x, (int, float)):
+        yield np.array(x)
+    elif isinstance(x, (tuple, list)):
+        for inner in x:
+            yield from arrays(inner)
+    elif is_dataclass(x):
+        for field in fields(x):
+            yield from arrays(getattr(x, field.name))
+    elif type(x).__module__.startswith("tcs_friction.") and not isinstance(x, Enum):
+        for name, inner in sorted(vars(x).items()):
+            if name != "cache":
+                yield from arrays(inner)
 
 
-def test_the_low_pass_halves_at_its_cutoff_and_does_not_shift() -> None:
-    t = np.arange(0.0, 10.0, 1e-3)
-    wave = np.sin(2 * np.pi * 20.0 * t)
-    (passed,) = low_pass(wave, 1e-3, 20.0)
-    inside = slice(1000, -1000)
-    assert passed[inside] @ wave[inside] / (wave[inside] @ wave[inside]) == pytest.approx(0.5, abs=1e-3)
+def test_nothing_of_a_balance_or_a_noise_model_changes_with_use(fitted: tuple[TorqueBalance, Fit]) -> None:
+    balance, fit = fitted
+    other = sweeping_axis().with_effect(item("flexible_mode", frequency=9.0, damping=0.05, inertia_ratio=0.3))
+    balance.data.narrowed(balance.data.stretches[0].torque)  # the filter is made when it is first asked for
+    before = list(arrays((balance, fit)))
+    noise = estimated(balance, other, fit.noise)
+    residual = balance.residual(other, noise)
+    balance.jacobian(other, balance.free(other), noise, residual)
+    balance.squares(other, noise)
+    after = list(arrays((balance, fit)))
+    assert len(before) == len(after) > 20
+    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
-def test_free_numbers_go_in_as_they_came_out() -> None:
-    subject = axis(COGGING, instance(effect("torque_bias"), {"bias": -0.3}))
-    free = free_parameters(subject, 1.0)
-    again = put(subject, free, get(subject, free))
-    assert again.inertia == pytest.approx(subject.inertia)
-    for old, new in zip(subject.effects, again.effects, strict=True):
-        assert dict(new.values) == pytest.approx(dict(old.values))
+def test_a_residual_does_not_depend_on_what_was_asked_before(fitted: tuple[TorqueBalance, Fit]) -> None:
+    """With a body that swings it depends on the noise model, which is given and not remembered."""
+    balance, fit = fitted
+    swung = fit.axis.with_effect(item("flexible_mode", frequency=9.0, damping=0.05, inertia_ratio=0.3))
+    loud, free = estimated(balance, swung, fit.noise), balance.free(swung)
 
+    def asked() -> list[np.ndarray]:
+        residual = balance.residual(swung, fit.noise)
+        jacobian = balance.jacobian(swung, free, fit.noise, residual)
+        model = estimated(balance, swung, fit.noise)
+        squares = np.array(balance.squares(swung, fit.noise).value)
+        return [residual, jacobian, squares, model.whitening.weights, model.local_weight, model.bias.whole]
 
-def test_one_number_moves_and_all_others_stay_as_they_are() -> None:
-    subject = axis(COGGING, instance(effect("actuator_lag"), {"time_constant": 1e-3}))
-    free = free_parameters(subject, 1.0)
-    numbers = get(subject, free)
-    for k, f in enumerate(free):
-        after = moved(subject, free, k, f.scale)
-        assert get(after, free) == pytest.approx(numbers + f.scale * (np.arange(len(free)) == k), rel=1e-9)
-        untouched = [item for index, item in enumerate(after.effects) if index != f.owner]
-        assert all(any(item is old for old in subject.effects) for item in untouched)
-        assert at_bound(subject, free, k) == 0
-    longest = subject.without_effect(subject.effects[1]).with_effect(subject.effects[1].replace(time_constant=10.0))
-    assert at_bound(longest, free, len(free) - 1) == 1
-
-
-def test_held_out_data_are_no_train_data(plain: Recording) -> None:
-    data = condition([plain])
-    train, held = data.joined("train"), data.joined("held_out")
-    assert not (train & held).any()
-    assert 0.15 < held.mean() < 0.3
-
-
-def test_the_true_axis_leaves_whitened_noise(plain: Recording) -> None:
-    balance = Balance(condition([plain]))
-    fit = settle(balance, axis())
-    assert fit.squares / balance.effective_count == pytest.approx(1.0, abs=0.25)
-    assert fit.axis.inertia == pytest.approx(1.2, rel=0.05)
-    assert fit.axis.friction.values["coulomb"] == pytest.approx(2.0, rel=0.03)  # the feedback takes 2 % of it
-
-
-def test_only_effects_that_feed_on_noise_have_to_be_material() -> None:
-    assert feeds_on_noise(effect("load_dependent_friction"))
-    assert feeds_on_noise(effect("cable_hysteresis"))
-    assert feeds_on_noise(effect("position_dependent_inertia"))
-    assert not feeds_on_noise(effect("coulomb_asymmetry"))
-    assert not feeds_on_noise(effect("torque_ripple"))
-    assert not feeds_on_noise(effect("cogging"))
-
-
-def test_the_step_of_a_coarse_encoder_is_found() -> None:
-    position = 1.0 + np.cumsum(np.random.default_rng(0).uniform(-1e-5, 3e-5, 20_000))
-    assert step_of(position) == 0.0
-    assert step_of(2e-6 * np.round(position / 2e-6)) == pytest.approx(2e-6, rel=1e-6)
-    assert step_of(np.array([0.0, 2.0 * math.pi / 4096, 2.0 * math.pi / 1024])) == pytest.approx(2.0 * math.pi / 4096)
-
-
-def test_a_recording_without_motion_is_refused() -> None:
-    t = np.arange(0.0, 10.0, 1e-2)
-    with pytest.raises(InputError, match="position never changes"):
-        diagnose([Recording(t, np.zeros(len(t)), np.sin(t))], AxisFile(axis()))
+    first = asked()
+    estimated(balance, sweeping_axis(), loud)
+    balance.residual(swung, loud)
+    balance.terms.cache.results.clear()  # computed again and not remembered
+    for one, again in zip(first, asked(), strict=True):
+        np.testing.assert_array_equal(one, again)

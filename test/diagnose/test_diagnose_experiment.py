@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proof_cases import axis, conditioned, item, recorded, scaled
+from open_loop_cases import axis, conditioned, item, recorded, scaled
 
 from tcs_friction.control.reference import load_reference
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned
+from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.outcome.experiment import FASTER, library, next_experiment, reference_text
 from tcs_friction.physics.terms import Instance
 
@@ -20,13 +20,13 @@ PAIRS = [
 
 
 @pytest.fixture(scope="module")
-def data() -> Conditioned:
+def data() -> DataSet:
     return conditioned(scaled(recorded(axis(), duration=20.0), position=4.0))
 
 
 @pytest.mark.parametrize(("a", "b"), PAIRS, ids=lambda e: str(e.term.id))
 def test_proposal_stays_within_reach_and_loads(
-    data: Conditioned, tmp_path: Path, a: Instance, b: Instance
+    data: DataSet, tmp_path: Path, a: Instance, b: Instance
 ) -> None:
     found = next_experiment(axis(), a, b, data)
     assert found is not None
@@ -43,21 +43,21 @@ def test_proposal_stays_within_reach_and_loads(
     assert found["difference"] > 0.0
 
 
-def test_same_effect_twice_cannot_be_separated(data: Conditioned) -> None:
+def test_same_effect_twice_cannot_be_separated(data: DataSet) -> None:
     a, b = item("torque_bias", bias=2.0), item("torque_bias", bias=3.0)
     assert next_experiment(axis(), a, b, data) is None
 
 
-def test_differences_below_the_noise_are_not_proposed(data: Conditioned) -> None:
+def test_differences_below_the_noise_are_not_proposed(data: DataSet) -> None:
     assert next_experiment(axis(), *PAIRS[0], data, noise_floor=1e6) is None
 
 
-def test_timing_is_separated_by_a_fast_motion(data: Conditioned) -> None:
+def test_timing_is_separated_by_a_fast_motion(data: DataSet) -> None:
     found = next_experiment(axis(), *PAIRS[0], data)
     assert found is not None
     assert "multisine" in found["why"]
 
 
-def test_every_motion_of_the_library_says_what_it_is(data: Conditioned) -> None:
+def test_every_motion_of_the_library_says_what_it_is(data: DataSet) -> None:
     words = [text for _, text in library(data, axis())]
     assert len(words) == len(set(words)) >= 8

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from tcs_friction.config import load_axis
-from tcs_friction.diagnose.dataset.preprocessing import condition
-from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.result import Diagnosis, Found
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.physics.registry import effect
@@ -29,7 +30,7 @@ def diagnosed(folder: Path) -> Diagnosis:
 
 def named(found: Diagnosis, effect: str) -> Found:
     """The effect, by its name or as one that the data cannot tell from it."""
-    return next(item for item in found.effects if effect in (item.effect, *item.equivalent))
+    return next(item for item in found.effects if effect in (item.effect, *(kind.effect for kind in item.equivalent)))
 
 
 @pytest.mark.parametrize("name", ["match", "presliding", "cogging"])
@@ -79,14 +80,14 @@ def test_the_offset_of_the_ball_screw_is_friction_by_direction(shared_data: Path
     folder = shared_data / "data" / "emps"
     file = load_axis(folder / "axis.yaml")
     assert file.signals is not None
-    balance = Balance(condition(read_recordings([folder / "recording"], file.signals)))
+    balance = TorqueBalance(prepare(read_recordings([folder / "recording"], file.signals)))
     bias = instance(effect("torque_bias"), {"bias": -3.0})
     asymmetry = instance(effect("viscous_asymmetry"), {"asymmetry": -40.0})
     ripple = instance(effect("cogging"), {"order": 399.7, "amplitude": 1.0, "phase": 0.0})
     held_out, left = [], []
     for effects in ((bias,), (asymmetry,), (bias, asymmetry, ripple)):
-        fit = settle(balance, replace(file.axis, effects=effects))
-        held_out.append(float(np.sqrt(np.mean(balance.residual(fit.axis)[balance.held_out] ** 2))))
+        fit = settle(balance, replace(file.axis, effects=effects), white_noise(balance.samples))
+        held_out.append(float(np.sqrt(np.mean(balance.residual(fit.axis, fit.noise)[balance.held_out] ** 2))))
         left.append(fit.axis.effects[0].values)
     assert left[0]["bias"] == pytest.approx(-3.3, abs=0.2)
     assert held_out[1] < 0.8 * held_out[0]
@@ -108,11 +109,12 @@ def test_load_dependent_friction_of_a_servo_is_not_to_be_seen(shared_data: Path)
         folder = shared_data / "data" / name
         file = load_axis(folder / "axis.yaml")
         assert file.signals is not None
-        balance = Balance(condition(read_recordings([folder / "recording"], file.signals)))
+        balance = TorqueBalance(prepare(read_recordings([folder / "recording"], file.signals)))
         gravity = instance(effect("imbalance"), {"amplitude": 5.0, "phase": 0.0})
         loaded = instance(effect("load_dependent_friction"), {"coefficient": 0.1})
-        fits = [settle(balance, replace(file.axis, effects=some)) for some in ((gravity,), (gravity, loaded))]
-        plain, better = (float(np.std(balance.residual(fit.axis)[balance.held_out])) for fit in fits)
+        noise = white_noise(balance.samples)
+        fits = [settle(balance, replace(file.axis, effects=some), noise) for some in ((gravity,), (gravity, loaded))]
+        plain, better = (float(np.std(balance.residual(fit.axis, fit.noise)[balance.held_out])) for fit in fits)
         coefficients.append(fits[1].axis.effects[1].values["coefficient"])
         gains.append(plain / better)
     assert min(coefficients) < 0.0 < max(coefficients)

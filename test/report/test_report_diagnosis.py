@@ -11,7 +11,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.outcome.plot_data import Evidence, Isolated, Look, Map, RunnerUp
+from tcs_friction.diagnose.outcome.plot_data import CoordinateCurve, Evidence, Isolated, Map, RunnerUp
 from tcs_friction.report.diagnosis import draw_series, write_report
 from tcs_friction.report.figures import STYLE
 from tcs_friction.report.numbers import unbroken
@@ -23,8 +23,8 @@ COGGING = 1.7 * np.cos(72.0 * POSITION)
 NOISE = 0.3 * RANDOM.standard_normal(len(T))
 
 
-def look(coordinate: str, x: np.ndarray, share: float, p_value: float) -> Look:
-    return Look(coordinate, "rad", x, np.cos(x), np.full(len(x), 0.1), share, p_value)
+def curve(coordinate: str, x: np.ndarray, share: float, p_value: float) -> CoordinateCurve:
+    return CoordinateCurve(coordinate, "rad", x, np.cos(x), np.full(len(x), 0.1), share, p_value)
 
 
 @pytest.fixture
@@ -37,9 +37,9 @@ def evidence() -> Evidence:
         improved=NOISE,
         held_out=(T > 20.0) & (T < 30.0),
         atlas=(
-            look("position", bins, 0.92, 1e-4),
-            look("exogenous:wind_speed", bins, 0.01, 0.4),
-            look("direction", np.array([-1.0, 1.0]), 0.01, 0.5),
+            curve("position", bins, 0.92, 1e-4),
+            curve("exogenous:wind_speed", bins, 0.01, 0.4),
+            curve("direction", np.array([-1.0, 1.0]), 0.01, 0.5),
         ),
         isolated=(Isolated("cogging", "cogging, order 64 1/turn", "position", "rad", POSITION, COGGING + NOISE, COGGING),),
         runners_up=(RunnerUp("torque_ripple", 0.11, "needs a torque that <changes>"),),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned
+from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.physics.terms import unit_on
 
 UNITS = {
@@ -24,7 +24,7 @@ def unit_of(coordinate: str, kind: str) -> str:
     return unit_on(kind, UNITS.get(coordinate, ""))
 
 
-def values_of(data: Conditioned, coordinate: str) -> np.ndarray:
+def values_of(data: DataSet, coordinate: str) -> np.ndarray:
     """A coordinate of the motion vector (n,): time, position, ..., temperature, `exogenous:NAME`."""
     if coordinate == "temperature":
         return np.asarray(data.joined("signals")[0])

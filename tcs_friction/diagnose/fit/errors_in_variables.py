@@ -1,9 +1,12 @@
-"""Attenuation: noise that is in the measured acceleration, too, makes an axis seem lighter than it is.
+"""Bias of the inertia by noise in the measured acceleration (errors in variables), and its correction.
 
-The encoder's noise is differentiated twice; a torque that is not logged moves the axis, and the controller answers. Either way
-residual and acceleration correlate, and least squares take some of the noise away by a smaller inertia: the bias of errors in
-variables, in a closed loop. How much the two have in common is seen at frequencies at which nothing else moves the axis, and is
-taken off the normal equations (bias-compensated least squares; Soderstrom, Automatica 43 (2007) 939).
+In: spectra of an axis' whitened residual and of its whitened inertial torque. Out: the squares that noise alone takes away
+when an axis moves less inertia. A joint fit adds them back (bias-compensated least squares; Soderstrom, Automatica 43 (2007)
+939).
+
+The encoder's noise is differentiated twice and is in the acceleration. A torque that is not logged moves the axis, and the
+controller answers it. Either way residual and acceleration correlate, and least squares reduce the residual by a smaller
+inertia: attenuation. The correlation is measured at frequencies at which nothing else moves the axis.
 """
 
 from __future__ import annotations
@@ -15,23 +18,23 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.fit.parameters import Free, moved
-from tcs_friction.diagnose.fit.second_body import motion_gain, swinging
+from tcs_friction.diagnose.fit.parameters import FreeNumber, Part, moved
+from tcs_friction.diagnose.fit.second_body import motion_gain, resonant_bodies
 from tcs_friction.physics.axis import Axis
 
-ALIKE = 9  # frequencies, over which the power near one of them is averaged
-FEWEST = 8  # quiet blocks at a frequency, from which it says something
-QUIET = 10.0  # times the noise power: motion below it answers noise alone
-LINE = 16.0  # times the noise power: a line, and no noise
-KNOWN = 10.0  # times the power of quiet motion, that of all motion from which a recording says what the inertia is
+SMOOTHED_BINS = 9  # frequencies averaged for one estimate of power: 18 degrees of freedom, a scatter of a third
+FEWEST_QUIET_BLOCKS = 8  # at a frequency, from which their mean correlation is known to about a third of its own scatter
+QUIET_MOTION = 10.0  # times the noise power; motion below it answers noise alone, driven motion is orders of magnitude above
+SPECTRAL_LINE = 16.0  # times the noise power; white noise exceeds it once in exp(16), so it is a line
+DETERMINED_BY = 10.0  # times the power of quiet motion that all motion must have for the recording to determine the inertia
 
 
 @dataclass(frozen=True, eq=False)
-class Attenuation:
-    """What noise feigns at frequencies (m,), Hz.
+class AttenuationBias:
+    """Squares that noise takes away from an axis with less inertia, at frequencies (m,), Hz.
 
-    `whole`, `bodies` (m,): whitened squares that noise takes away for each unit by which the logarithm of the moving inertia is
-    smaller, by the inertia or by bodies that swing on it. `inertia`: that of the axis whose noise it is, kg m^2.
+    whole, bodies (m,): whitened squares for each unit by which the logarithm of the moving inertia is smaller, by the inertia
+    itself or by bodies that swing on it. inertia: kg m^2, of the axis whose noise it is.
     """
 
     inertia: float = 1.0
@@ -39,28 +42,29 @@ class Attenuation:
     whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
     bodies: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
-    def feigned(self, axis: Axis) -> float:
-        """Whitened squares that an axis owes to noise alone, by moving less inertia."""
-        feigned = -math.log(axis.inertia / self.inertia) * float(np.sum(self.whole))
-        if swinging(axis):
-            feigned -= float(self.bodies @ np.log(np.abs(motion_gain(axis, self.frequency))))
-        return feigned
+    def squares(self, axis: Axis) -> float:
+        """Whitened squares by which noise makes the residual of an axis smaller; negative for a heavier axis."""
+        squares = -math.log(axis.inertia / self.inertia) * float(np.sum(self.whole))
+        if resonant_bodies(axis):
+            squares -= float(self.bodies @ np.log(np.abs(motion_gain(axis, self.frequency))))
+        return squares
 
-    def in_torque(self, axis: Axis) -> np.ndarray:
-        """Whitened squares at each frequency (m,) that an axis' torque residual owes to noise alone."""
+    def squares_of_torque(self, axis: Axis) -> np.ndarray:
+        """The same for the torque residual, at each frequency (m,)."""
         heavier = np.abs(motion_gain(axis, self.frequency)) * axis.inertia / self.inertia
         return -self.whole * np.log(heavier)
 
-    def slope(self, axis: Axis, free: Sequence[Free]) -> np.ndarray:
-        """Derivative of `feigned` by the free numbers (k,)."""
-        slope, here = np.zeros(len(free)), self.feigned(axis)
-        for k, f in enumerate(free):
-            if f.owner == -2 or (f.owner >= 0 and axis.effects[f.owner].term.swings):
-                slope[k] = (self.feigned(moved(axis, free, k, f.scale)) - here) / f.scale
-        return slope
+    def gradient(self, axis: Axis, free: Sequence[FreeNumber]) -> np.ndarray:
+        """Derivative of `squares` by the free numbers (k,)."""
+        gradient, here = np.zeros(len(free)), self.squares(axis)
+        for k, number in enumerate(free):
+            effect = number.item(axis)
+            if number.part is Part.INERTIA or (effect is not None and effect.term.resonates):
+                gradient[k] = (self.squares(moved(axis, free, k, number.step)) - here) / number.step
+        return gradient
 
 
-def attenuation(
+def attenuation_bias(
     axis: Axis,
     driven: float,
     frequency: np.ndarray,
@@ -68,21 +72,22 @@ def attenuation(
     inertial: np.ndarray,
     count: float,
     allowed: np.ndarray,
-) -> Attenuation:
-    """From spectra (blocks, m) of an axis' whitened residual and inertial torque, noise of the residual one, at `frequency` (m,).
+) -> AttenuationBias:
+    """The bias from spectra (blocks, m) of an axis' whitened residual and inertial torque at `frequency` (m,), Hz.
 
-    `driven`: all squares of the whitened inertial torque; `count`: whitened numbers that each frequency stands for; `allowed`
-    (m,): share of the noise that the residual takes out of bodies by itself. Where hardly anything drives the axis its inertia is
-    not known, and the one that predicts best stays.
+    White noise has spectra of deviation one. driven: all squares of the whitened inertial torque. count: whitened numbers
+    that each frequency stands for. allowed (m,): share of the noise that the residual corrects for bodies by itself. No bias
+    is returned where hardly anything drives the axis: its inertia is not determined then, and the one that predicts best
+    stays.
     """
     power = np.abs(inertial) ** 2
-    calm = ndimage.uniform_filter1d(power, ALIKE, axis=1, mode="nearest") < QUIET
-    quiet = calm & (np.abs(residual) ** 2 < LINE)
-    known = np.flatnonzero(np.sum(quiet, axis=0) >= FEWEST)
+    slow = ndimage.uniform_filter1d(power, SMOOTHED_BINS, axis=1, mode="nearest") < QUIET_MOTION
+    quiet = slow & (np.abs(residual) ** 2 < SPECTRAL_LINE)
+    known = np.flatnonzero(np.sum(quiet, axis=0) >= FEWEST_QUIET_BLOCKS)
     answers = count * len(frequency) * np.mean(power, where=quiet) if len(known) else math.inf
-    if driven < KNOWN * answers:
-        return Attenuation()
+    if driven < DETERMINED_BY * answers:
+        return AttenuationBias()
     common = np.mean(-(np.conj(residual) * inertial).real[:, known], axis=0, where=quiet[:, known])
-    common = ndimage.uniform_filter1d(common, ALIKE, mode="nearest")
+    common = ndimage.uniform_filter1d(common, SMOOTHED_BINS, mode="nearest")
     share = np.interp(frequency, np.append(0.0, frequency[known]), np.append(0.0, common))  # a loop has no error at rest
-    return Attenuation(axis.inertia, frequency, 2.0 * count * share, 2.0 * count * (share - allowed))
+    return AttenuationBias(axis.inertia, frequency, 2.0 * count * share, 2.0 * count * (share - allowed))

@@ -1,7 +1,13 @@
-"""The free numbers of a joint fit: what of an axis may change, how, and between which bounds."""
+"""The free numbers of a joint fit: what of an axis may change, in which form, and between which bounds.
+
+In: an axis. Out: a list of `FreeNumber`, and functions that read them from an axis and write them into one. Positive
+quantities are fitted as logarithms. An amplitude A with a phase p is fitted as A cos(p) and A sin(p), in which the torque is
+linear.
+"""
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,30 +15,58 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Parameter, Role
+from tcs_friction.physics.terms import Instance, Parameter, Role
+
+RELATIVE_STEP = 1e-4  # of differences in a logarithm: far above rounding errors (1e-16), far below curvature
+AMPLITUDE_STEP = 1e-2  # of differences in a linear number, relative; its torque is linear, so a large step costs nothing
+SMALLEST = 1e-300  # stands for zero in logarithms
+LARGEST_LOGARITHM = 700.0  # of a double
+
+
+class Part(enum.Enum):
+    """The part of an axis that a free number belongs to."""
+
+    ALIGNMENT = "alignment"  # delay between the logged torque and its action
+    INERTIA = "inertia"
+    FRICTION = "friction"
+    EFFECT = "effect"
+
+
+class Form(enum.Enum):
+    """How a free number stands for a parameter."""
+
+    PLAIN = "plain"
+    LOGARITHM = "logarithm"
+    COSINE = "cosine"  # amplitude times the cosine of its phase
+    SINE = "sine"  # the same with the sine; follows its cosine in every list
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeNumber:
     """One free number of a fit.
 
-    owner: -3 actuation delay, -2 inertia, -1 friction law, else the index of the effect. kind: "log" (positive), "plain",
-    or "cosine"/"sine": the two linear parts of an amplitude with a phase. scale: a step that is small for it.
+    name: of the parameter. step: a small change of the number. effect: identity of the effect that it belongs to, None for other
+    parts. phase: name of the phase that goes with an amplitude. bounds: of numbers that no term declares.
     """
 
-    owner: int
+    part: Part
     name: str
-    kind: str
-    scale: float
+    form: Form
+    step: float
+    effect: int | None = None
     phase: str = ""
     bounds: tuple[float, float] = (-math.inf, math.inf)
 
+    def item(self, axis: Axis) -> Instance | None:
+        """The effect of the axis that the number belongs to, None for other parts."""
+        return next((item for item in axis.effects if item.identity == self.effect), None)
 
-INERTIA = Free(-2, "inertia", "log", 1e-4)
+
+INERTIA = FreeNumber(Part.INERTIA, "inertia", Form.LOGARITHM, RELATIVE_STEP, bounds=(SMALLEST, math.inf))
 
 
-def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | None]]:
-    """Each parameter with its phase, if it has one."""
+def amplitudes(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | None]]:
+    """Each parameter with its phase, None if it has none."""
     result: list[tuple[Parameter, Parameter | None]] = []
     for parameter in parameters:
         if parameter.role is Role.PHASE:
@@ -42,107 +76,126 @@ def pairs(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Parameter | 
     return result
 
 
-def free_parameters(axis: Axis, torque_scale: float, hold: frozenset[str] = frozenset()) -> list[Free]:
-    """What a joint fit of this axis may change: inertia, the law's parameters, every effect's active parameters."""
-    free = [] if "inertia" in hold else [INERTIA]
+def free_parameters(axis: Axis, torque_step: float = 1.0) -> list[FreeNumber]:
+    """What a joint fit of this axis may change: inertia, the law's parameters, every effect's active parameters.
+
+    `torque_step`: small change of a wave's amplitude, N m. A parameter at its default is switched off and stays there.
+    """
+    free = [INERTIA]
     for parameter in axis.friction.term.parameters:
-        value = axis.friction.values[parameter.name]
-        if parameter.name in hold or parameter.name == "exponent" or value <= 0.0:
-            continue
-        free.append(Free(-1, parameter.name, "log", 1e-4))
-    for index, item in enumerate(axis.effects):
-        for parameter, phase in pairs(item.term.parameters):
+        if parameter.refitted and parameter.role is not Role.FIXED and axis.friction.values[parameter.name] > 0.0:
+            free.append(FreeNumber(Part.FRICTION, parameter.name, Form.LOGARITHM, RELATIVE_STEP))
+    for item in axis.effects:
+        for parameter, phase in amplitudes(item.term.parameters):
             value = item.values[parameter.name]
-            if parameter.role is Role.FIXED or (parameter.default is not None and value == parameter.default):
-                continue
-            if phase is not None:
-                free.append(Free(index, parameter.name, "cosine", torque_scale, phase.name))
-                free.append(Free(index, parameter.name, "sine", torque_scale, phase.name))
-            elif parameter.role is Role.LINEAR:
-                free.append(Free(index, parameter.name, "plain", max(abs(value), 1e-12) * 1e-2))
-            elif parameter.lower >= 0.0:
-                free.append(Free(index, parameter.name, "log", 1e-4))
-            else:
-                free.append(Free(index, parameter.name, "plain", 1e-4 * max(1.0, abs(value))))
+            switched_off = parameter.default is not None and value == parameter.default
+            if parameter.role is not Role.FIXED and not switched_off:
+                free += _numbers_of(item, parameter, phase, torque_step)
     return free
 
 
-def get(axis: Axis, free: Sequence[Free]) -> np.ndarray:
-    """The free numbers of an axis."""
-    own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
-    numbers = []
-    for f in free:
-        values: Mapping[str, float] = own
-        if f.owner >= -1:
-            values = (axis.friction if f.owner == -1 else axis.effects[f.owner]).values
-        value = values[f.name]
-        if f.kind == "cosine":
-            value = value * math.cos(values[f.phase])
-        elif f.kind == "sine":
-            value = value * math.sin(values[f.phase])
-        numbers.append(math.log(max(value, 1e-300)) if f.kind == "log" else value)
-    return np.array(numbers)
+def _numbers_of(
+    item: Instance, parameter: Parameter, phase: Parameter | None, torque_step: float
+) -> list[FreeNumber]:
+    """The free numbers of one parameter of an effect."""
+
+    def number(form: Form, step: float, phase_name: str = "") -> FreeNumber:
+        return FreeNumber(Part.EFFECT, parameter.name, form, step, item.identity, phase_name)
+
+    value = abs(item.values[parameter.name])
+    if phase is not None:
+        return [number(form, torque_step, phase.name) for form in (Form.COSINE, Form.SINE)]
+    if parameter.role is Role.LINEAR:
+        return [number(Form.PLAIN, AMPLITUDE_STEP * max(value, 1e-12))]
+    if parameter.lower >= 0.0:
+        return [number(Form.LOGARITHM, RELATIVE_STEP)]
+    return [number(Form.PLAIN, RELATIVE_STEP * max(1.0, value))]
 
 
-def put(axis: Axis, free: Sequence[Free], numbers: np.ndarray) -> Axis:
-    """The axis with those free numbers, each kept within its declared bounds."""
-    own = {"inertia": axis.inertia, "actuation_delay": axis.actuation_delay}
+def read_numbers(axis: Axis, free: Sequence[FreeNumber]) -> np.ndarray:
+    """The free numbers (k,) of an axis."""
+    return np.array([_read(axis, number) for number in free])
+
+
+def _read(axis: Axis, number: FreeNumber) -> float:
+    if number.part is Part.INERTIA:
+        value = axis.inertia
+    elif number.part is Part.ALIGNMENT:
+        value = axis.actuation_delay
+    else:
+        item = axis.friction if number.part is Part.FRICTION else number.item(axis)
+        assert item is not None
+        value = item.values[number.name]
+        if number.form is Form.COSINE:
+            return value * math.cos(item.values[number.phase])
+        if number.form is Form.SINE:
+            return value * math.sin(item.values[number.phase])
+    return math.log(max(value, SMALLEST)) if number.form is Form.LOGARITHM else value
+
+
+def with_numbers(axis: Axis, free: Sequence[FreeNumber], numbers: np.ndarray) -> Axis:
+    """The axis with those free numbers (k,), each kept within its declared bounds."""
+    inertia, delay = axis.inertia, axis.actuation_delay
     law: dict[str, float] = {}
-    effects: dict[int, dict[str, float]] = {f.owner: {} for f in free if f.owner >= 0}
+    effects: dict[int, dict[str, float]] = {}
     cosine = 0.0
-    for f, number in zip(free, numbers, strict=True):
-        value = math.exp(min(max(number, -700.0), 700.0)) if f.kind == "log" else float(number)
-        if f.owner < -1:
-            own[f.name] = min(max(value, f.bounds[0]), f.bounds[1])
-        elif f.owner == -1:
-            law[f.name] = value
-        elif f.kind == "cosine":
-            cosine = value
-        elif f.kind == "sine":
-            effects[f.owner][f.name] = math.hypot(cosine, value)
-            effects[f.owner][f.phase] = math.atan2(value, cosine) % (2.0 * math.pi)
-        else:
-            effects[f.owner][f.name] = value
-    law = {name: _bounded(axis.friction.term.parameter(name), value) for name, value in law.items()}
-    items = tuple(
-        item.replace(**{n: _bounded(item.term.parameter(n), v) for n, v in effects[k].items()}) if k in effects else item
-        for k, item in enumerate(axis.effects)
-    )
-    friction = axis.friction.replace(**law)
-    inertia, delay = own["inertia"], own["actuation_delay"]
+    for own, number in zip(free, numbers, strict=True):
+        value = float(number)
+        if own.form is Form.LOGARITHM:
+            value = math.exp(min(max(value, -LARGEST_LOGARITHM), LARGEST_LOGARITHM))
+        if own.part is Part.INERTIA:
+            inertia = min(max(value, own.bounds[0]), own.bounds[1])
+        elif own.part is Part.ALIGNMENT:
+            delay = min(max(value, own.bounds[0]), own.bounds[1])
+        elif own.part is Part.FRICTION:
+            law[own.name] = value
+        elif own.effect is not None:
+            values = effects.setdefault(own.effect, {})
+            if own.form is Form.COSINE:
+                cosine = value
+            elif own.form is Form.SINE:
+                values[own.name] = math.hypot(cosine, value)
+                values[own.phase] = math.atan2(value, cosine) % (2.0 * math.pi)
+            else:
+                values[own.name] = value
+    items = tuple(_with_values(item, effects.get(item.identity, {})) for item in axis.effects)
+    friction = _with_values(axis.friction, law)
     return replace(axis, inertia=inertia, actuation_delay=delay, friction=friction, effects=items)
 
 
-def _bounded(parameter: Parameter, value: float) -> float:
-    return min(max(value, parameter.lower), parameter.upper)
+def _with_values(item: Instance, values: Mapping[str, float]) -> Instance:
+    """The term with some values changed, as far as its bounds allow."""
+    if not values:
+        return item
+    declared = {name: item.term.parameter(name) for name in values}
+    return item.replace(**{name: min(max(v, declared[name].lower), declared[name].upper) for name, v in values.items()})
 
 
-def at_bound(axis: Axis, free: Sequence[Free], k: int) -> int:
-    """Whether number k cannot grow (1), cannot shrink (-1) or is free to move (0)."""
-    own, place = _together(free, k)
-    number = get(axis, own)[place]
+def bound_reached(axis: Axis, free: Sequence[FreeNumber], k: int) -> int:
+    """Whether number k cannot grow (1), cannot shrink (-1) or can do both (0)."""
+    own, place = _with_its_pair(free, k)
+    number = read_numbers(axis, own)[place]
     for sign in (1, -1):
-        if not sign * (get(moved(axis, free, k, sign * free[k].scale), own)[place] - number) > 0.0:
+        if not sign * (read_numbers(moved(axis, free, k, sign * free[k].step), own)[place] - number) > 0.0:
             return sign
     return 0
 
 
-def moved(axis: Axis, free: Sequence[Free], k: int, step: float) -> Axis:
+def moved(axis: Axis, free: Sequence[FreeNumber], k: int, step: float) -> Axis:
     """The axis with number k moved by a step, as far as its bounds allow, and all else as it is."""
-    own, place = _together(free, k)
-    numbers = get(axis, own)
+    own, place = _with_its_pair(free, k)
+    numbers = read_numbers(axis, own)
     numbers[place] += step
-    return put(axis, own, numbers)
+    return with_numbers(axis, own, numbers)
 
 
-def _together(free: Sequence[Free], k: int) -> tuple[Sequence[Free], int]:
-    """What number k is put on an axis with, itself or both parts of an amplitude with a phase, and its place there."""
-    if free[k].kind == "cosine":
+def _with_its_pair(free: Sequence[FreeNumber], k: int) -> tuple[Sequence[FreeNumber], int]:
+    """The numbers that are written together with number k, itself or both of an amplitude with a phase, and its place there."""
+    if free[k].form is Form.COSINE:
         return free[k : k + 2], 0
-    return (free[k - 1 : k + 1], 1) if free[k].kind == "sine" else (free[k : k + 1], 0)
+    return (free[k - 1 : k + 1], 1) if free[k].form is Form.SINE else (free[k : k + 1], 0)
 
 
-def limited(step: np.ndarray, free: Sequence[Free]) -> np.ndarray:
-    """No positive number changes by more than a factor of 2 in one step."""
-    logs = np.array([f.kind == "log" for f in free])
-    return np.where(logs, np.clip(step, -0.7, 0.7), step)
+def belongs_to(number: FreeNumber, items: Sequence[Instance]) -> bool:
+    """Whether a free number is one of these effects' numbers."""
+    return number.effect is not None and any(item.identity == number.effect for item in items)

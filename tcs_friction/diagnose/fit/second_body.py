@@ -1,4 +1,7 @@
-"""Bodies that swing on an axis: what an acceleration of the axis requires for them."""
+"""Second bodies that resonate with an axis: the torque that an acceleration of the axis requires for them.
+
+In: an axis. Out: the gain 1 + sum_i G_i(j 2 pi f) of the required torque over J a, with the transfer function G_i of each body.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,16 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 
 
-def swinging(axis: Axis) -> list[Instance]:
-    """Effects that are bodies with a linear response."""
-    return [item for item in axis.effects if item.term.swings]
+def resonant_bodies(axis: Axis) -> list[Instance]:
+    """Effects that are second bodies with a linear response."""
+    return [item for item in axis.effects if item.term.resonates]
 
 
 def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
     """Torque that an acceleration of the axis requires over that of its inertia alone, complex, at frequencies (n,), Hz."""
     s = 2j * math.pi * frequency
     gain = np.ones(len(s), dtype=complex)
-    for item in swinging(axis):
+    for item in resonant_bodies(axis):
         assert item.term.transfer is not None
         gain += item.term.transfer(item.values, s)
     return gain

@@ -1,6 +1,10 @@
-"""The torque balance in parts: what each group of terms contributes over conditioned recordings, remembered.
+"""The torque of each group of terms over a data set, computed once and kept.
 
-A search evaluates thousands of axes that differ in one number. Only what that number reaches is walked through again: the drive's
+In: a data set and axes. Out: the torque at the rotor and the torque that the measured motion requires there, N m,
+
+    required = J a + friction + other opposing torques + what bodies add
+
+A search evaluates thousands of axes that differ in one number. Only what that number reaches is computed again: the drive's
 terms, the friction law with all that acts through it, each effect that stands alone, the bodies, the sensors.
 """
 
@@ -14,34 +18,35 @@ from threading import Lock
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned, Stretch, through
+from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
+from tcs_friction.diagnose.dataset.filters import through
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
 
-REMEMBERED = 400e6  # bytes of results at most
-SLOW_PERIODS = 4.0  # of the cutoff, averaged over to see the slow part
+CACHE_SIZE = 400e6  # bytes of results at most, so that an hour at 1 kHz needs less than 2 GB in all
+SLOW_PERIODS = 4.0  # of the cutoff that a running mean spans to leave its slow part: it passes a tenth of the band
 
 
-class Memory:
+class ResultCache:
     """The most recent results, up to so many bytes; for several threads."""
 
-    def __init__(self, size: float = REMEMBERED) -> None:
+    def __init__(self, size: float = CACHE_SIZE) -> None:
         self.size = size
         self.held = 0
         self.results: OrderedDict[Hashable, tuple[np.ndarray, ...]] = OrderedDict()
         self.lock = Lock()
 
     def get(
-        self, key: Hashable, make: Callable[[], tuple[np.ndarray, ...]], remember: bool = True
+        self, key: Hashable, make: Callable[[], tuple[np.ndarray, ...]], keep: bool = True
     ) -> tuple[np.ndarray, ...]:
-        """The result under this key, made if it is not remembered, and remembered if wanted."""
+        """The result under this key, computed if it is not there; `keep`: put it there."""
         with self.lock:
             if key in self.results:
                 self.results.move_to_end(key)
                 return self.results[key]
         result = make()
-        if not remember:
+        if not keep:
             return result
         with self.lock:
             if key not in self.results:
@@ -53,34 +58,34 @@ class Memory:
         return result
 
 
-class Parts:
+class TorqueTerms:
     """Torques over the compared samples (n,) of conditioned recordings, stretches one after the other."""
 
-    def __init__(self, data: Conditioned) -> None:
+    def __init__(self, data: DataSet) -> None:
         self.data = data
-        self.train = data.joined("train")
-        self.resolution = max(2.0 * data.velocity_noise, 1e-12)
-        self.memory = Memory()
+        self.train = data.train
+        self.resolution = data.speed_resolution
+        self.cache = ResultCache()
 
-    def rotor(self, axis: Axis, remember: bool = True) -> tuple[np.ndarray, float]:
+    def rotor(self, axis: Axis, keep: bool = True) -> tuple[np.ndarray, float]:
         """Torque (n,) that the drive gives at the rotor, and its rms over the train data, N m."""
-        rotor, size = self._drive(axis, remember)[:2]
+        rotor, size = self._drive(axis, keep)[:2]
         return rotor, float(size[0])
 
-    def required(self, axis: Axis, remember: bool = True) -> np.ndarray:
+    def required(self, axis: Axis, keep: bool = True) -> np.ndarray:
         """Torque that the measured motion requires at the rotor, N m."""
-        alone = [[item] for item in _at(axis, Place.OPPOSING) if _alone(item)]
+        alone = [[item] for item in _at(axis, Place.OPPOSING) if _stands_alone(item)]
         bodies = _at(axis, Place.BODY)
-        total = axis.inertia * self._motion(axis, remember)[0]
+        total = axis.inertia * self._motion(axis, keep)[0]
         for group in (_friction(axis), *alone, *([bodies] if bodies else [])):
-            total += self._demand(axis, group, remember)
+            total += self._demand(axis, group, keep)
         return np.asarray(total)
 
     def friction(self, axis: Axis) -> np.ndarray:
         """Friction (n,), N m, and what acts through it."""
         return self._demand(axis, _friction(axis), True)
 
-    def loads_by_motion(self, axis: Axis) -> list[np.ndarray]:
+    def loads_from_motion(self, axis: Axis) -> list[np.ndarray]:
         """Torque that the motion requires at the rotor, N m, averaged over SLOW_PERIODS, at all samples of each stretch.
 
         The logged torque's own noise is in every residual, and the encoder's, which the average leaves out, is in both.
@@ -89,40 +94,40 @@ class Parts:
         stretches = zip(self.data.stretches, self._motion(axis, True)[1:], strict=True)
         window = max(2, round(SLOW_PERIODS / (self.data.cutoff * self.step)))
         return [
-            ndimage.uniform_filter1d(self._walk(axis, terms, s, motion, s.torque) + axis.inertia * motion[2], window)
+            ndimage.uniform_filter1d(self._evaluate(axis, terms, s, motion, s.torque) + axis.inertia * motion[2], window)
             for s, motion in stretches
         ]
 
     def friction_under(self, axis: Axis, loads: Sequence[np.ndarray]) -> np.ndarray:
         """Friction at the compared samples under these torques at the rotor instead of the logged ones."""
-        return self._narrowed_walks(axis, _friction(axis), self._motion(axis, True)[1:], loads)
+        return self._narrowed_demands(axis, _friction(axis), self._motion(axis, True)[1:], loads)
 
-    def _drive(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
+    def _drive(self, axis: Axis, keep: bool) -> tuple[np.ndarray, ...]:
         """Torque at the rotor where it is compared, its rms over the train data, then at all samples of each stretch."""
         drive, stretches = _at(axis, Place.DRIVE), self.data.stretches
 
-        def walk() -> tuple[np.ndarray, ...]:
+        def compute() -> tuple[np.ndarray, ...]:
             every = [s.torque for s in stretches]
             for item in drive:
                 if item.term.filters:  # by its response: steps would bend it
                     response = partial(_response, item)
                     every = [x + through(x - x[0], self.step, response) for x in every]
                 else:
-                    every = self._driven(axis, item, every, remember)
+                    every = self._driven(axis, item, every, keep)
             rotor = np.concatenate([self.data.narrowed(x) for x in every])
             return rotor, np.sqrt(np.mean(rotor[self.train] ** 2, keepdims=True)), *every
 
         moving = not all(item.term.filters for item in drive)
-        return self.memory.get(
-            ("drive", _key(drive), _key(_at(axis, Place.SENSOR)) if moving else None), walk, remember
+        return self.cache.get(
+            ("drive", _key(drive), _key(_at(axis, Place.SENSOR)) if moving else None), compute, keep
         )
 
     def _driven(
-        self, axis: Axis, item: Instance, torques: Sequence[np.ndarray], remember: bool
+        self, axis: Axis, item: Instance, torques: Sequence[np.ndarray], keep: bool
     ) -> list[np.ndarray]:
         """Torques of all stretches after a term of the drive that follows the motion."""
         driven = []
-        stretches = zip(self.data.stretches, self._motion(axis, remember)[1:], torques, strict=True)
+        stretches = zip(self.data.stretches, self._motion(axis, keep)[1:], torques, strict=True)
         for s, motion, logged in stretches:
             torque = np.empty(len(logged))
             machine.evaluate_drive(self._built(axis, [item], motion), s.t, motion, logged, s.signals, torque)
@@ -133,11 +138,11 @@ class Parts:
         """True acceleration (n,), rad/s^2, narrowed as torques are."""
         return self._motion(axis, True)[0]
 
-    def _motion(self, axis: Axis, remember: bool) -> tuple[np.ndarray, ...]:
+    def _motion(self, axis: Axis, keep: bool) -> tuple[np.ndarray, ...]:
         """True acceleration at the compared samples, then position, velocity and acceleration (3, n) of each stretch."""
         sensors = _at(axis, Place.SENSOR)
 
-        def walk() -> tuple[np.ndarray, ...]:
+        def compute() -> tuple[np.ndarray, ...]:
             stretches = []
             for s in self.data.stretches:
                 true = np.stack([s.position, s.velocity, s.acceleration])
@@ -148,17 +153,17 @@ class Parts:
                 stretches.append(true)
             return np.concatenate([self.data.narrowed(x[2]) for x in stretches]), *stretches
 
-        return self.memory.get(("motion", _key(sensors)), walk, remember)
+        return self.cache.get(("motion", _key(sensors)), compute, keep)
 
-    def _demand(self, axis: Axis, group: Sequence[Instance], remember: bool) -> np.ndarray:
+    def _demand(self, axis: Axis, group: Sequence[Instance], keep: bool) -> np.ndarray:
         """What a group of terms adds to the required torque at the compared samples."""
         loaded = any("torque" in item.term.reads for item in group)
         bodily = group[0].term.place is Place.BODY
 
-        def walk() -> tuple[np.ndarray, ...]:
-            stretches, motions = self.data.stretches, self._motion(axis, remember)[1:]
-            torques = self._drive(axis, remember)[2:] if loaded else [s.torque for s in stretches]
-            return (self._narrowed_walks(axis, group, motions, torques),)
+        def compute() -> tuple[np.ndarray, ...]:
+            stretches, motions = self.data.stretches, self._motion(axis, keep)[1:]
+            torques = self._drive(axis, keep)[2:] if loaded else [s.torque for s in stretches]
+            return (self._narrowed_demands(axis, group, motions, torques),)
 
         key = (
             _key(group),
@@ -166,23 +171,23 @@ class Parts:
             _key(_at(axis, Place.DRIVE)) if loaded else None,
             axis.inertia if bodily else None,
         )
-        return self.memory.get(key, walk, remember)[0]
+        return self.cache.get(key, compute, keep)[0]
 
     @property
     def step(self) -> float:
         """Seconds between the samples that are evaluated."""
         return self.data.dt / self.data.stride
 
-    def _narrowed_walks(
+    def _narrowed_demands(
         self, axis: Axis, terms: Sequence[Instance], motions: Sequence[np.ndarray], torques: Sequence[np.ndarray]
     ) -> np.ndarray:
         """What some terms demand at the compared samples of all stretches, under these torques at the rotor."""
         stretches = zip(self.data.stretches, motions, torques, strict=True)
         return np.concatenate(
-            [self.data.narrowed(self._walk(axis, terms, s, motion, torque)) for s, motion, torque in stretches]
+            [self.data.narrowed(self._evaluate(axis, terms, s, motion, torque)) for s, motion, torque in stretches]
         )
 
-    def _walk(
+    def _evaluate(
         self, axis: Axis, terms: Sequence[Instance], s: Stretch, motion: np.ndarray, torque: np.ndarray
     ) -> np.ndarray:
         """`machine.evaluate_demand` of some terms over every sample of a stretch."""
@@ -208,11 +213,11 @@ def _response(item: Instance, frequency: np.ndarray) -> np.ndarray:
 
 def _friction(axis: Axis) -> list[Instance]:
     """The law with all that acts through it or reads what it wrote."""
-    reading = [item for item in _at(axis, Place.OPPOSING) if not _alone(item)]
+    reading = [item for item in _at(axis, Place.OPPOSING) if not _stands_alone(item)]
     return [*_at(axis, Place.SCALE), *_at(axis, Place.LAW), *reading]
 
 
-def _alone(item: Instance) -> bool:
+def _stands_alone(item: Instance) -> bool:
     """Whether the term's torque is the same whatever else the axis has."""
     return not item.term.reads or (item.table is not None and "torque" not in item.table.coordinates)
 

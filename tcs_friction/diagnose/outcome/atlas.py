@@ -1,15 +1,15 @@
 """Atlas of a residual: over which coordinates it lives, how surely, how much of it, and where.
 
+In: the residual (n,) of an axis, N m. Out: an `AtlasEntry` for each coordinate that varies.
+
 Every coordinate is cut into bins of equal data; the means of all bins are one regression on whitened chunk means, so that
-autocorrelated noise gives uniform p-values without permutations. Periods come from spectra over position and time, with
-their number of independent orders as Bonferroni's factor. A constant belongs to no coordinate but the direction: it
-shows in the other curves, not in their statistics.
+autocorrelated noise gives uniform p-values without permutations. Periods come from spectra over position and time, with their
+number of independent orders as Bonferroni's factor. A constant belongs to no coordinate but the direction: it shows in the
+other curves, not in their statistics.
 """
 
 from __future__ import annotations
 
-import copy
-import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -17,30 +17,33 @@ import numpy as np
 from scipy import ndimage, stats
 
 from tcs_friction.diagnose.dataset.coordinates import unit_of, values_of
-from tcs_friction.diagnose.fit.balance import Balance
-from tcs_friction.diagnose.remainder.chunk_means import LEEWAY, Coarse, Regression, regress
-from tcs_friction.physics.axis import Axis
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.noise import NoiseModel
+from tcs_friction.diagnose.fit.noise_estimate import noise_spectrum, with_spectrum
+from tcs_friction.diagnose.remainder.chunk_means import NOISE_LEEWAY, ChunkMeans, Regression, regress
+from tcs_friction.diagnose.search.matched_filter import padded_length
 
 BINS = 32  # of a coordinate at most
-FEWEST = 40  # chunks a bin
+CHUNKS_PER_BIN = 40  # at least: its mean then scatters by a sixth of the noise
 WIDE = 4  # fluctuations on either side of an edge that are searched for a quiet place; bins are twice as wide
 FLUCTUATION_SECONDS = 2.0  # faster changes of a speed or torque count as fluctuations
 CLEAR = 4.0  # standard errors by which a bin must differ to belong to the range
-SURE = 1e-3  # p-value below which a range or period is named
+NAMED_BELOW = 1e-3  # p-value below which a range or period is named
 BANDS = 200  # of the spectrum
-MOST = 0.9  # of the power in excess of the noise, that the range of frequencies holds
+RANGE_SHARE = 0.9  # of the power in excess of the noise, that the range of frequencies holds
 LINE = 5.0  # resolutions, that a line is narrower than with one on either side
-MOST_ORDERS = 2000  # independent ones in the travel that a spectrum looks at
+LINE_NEIGHBOURS = 401  # points of a spectrum, oversampled fourfold, whose median is the usual power beside a line
+MOST_ORDERS = 2000  # independent ones in the travel of a spectrum at most
 
 
 @dataclass(frozen=True, eq=False)
 class AtlasEntry:
     """The residual over one coordinate.
 
-    statistic: F of the bin means (chi-squared of two over the noise for a period). p_value: valid for autocorrelated noise, all
-    looks at this coordinate counted. share: of the residual's power, 0 to 1, without what noise alone explains. range: smallest
-    that holds the bins that differ, None if that is everywhere or nowhere. period: rad, m or s, None if it does not repeat.
-    x, mean, band (k,): centres of the bins, mean residual in N m (N) and its 95 % half width.
+    statistic: F of the bin means (chi-squared of two over the noise for a period). p_value: valid for autocorrelated noise,
+    all alternatives at this coordinate counted. share: of the residual's power, 0 to 1, without what noise alone explains.
+    range: smallest that holds the bins that differ, None if that is everywhere or nowhere. period: rad, m or s, None if it
+    does not repeat. x, mean, band (k,): centres of the bins, mean residual in N m (N) and its 95 % half width.
     """
 
     coordinate: str
@@ -55,32 +58,34 @@ class AtlasEntry:
     band: np.ndarray
 
 
-def atlas(balance: Balance, axis: Axis, fit_residual: np.ndarray) -> tuple[AtlasEntry, ...]:
-    """Where a torque residual (n,) lives; train rows only, coordinates that do not vary are left out."""
-    coarse = Coarse(balance, fit_residual)
-    if len(coarse.rows) < 2 * FEWEST:
+def atlas(
+    balance: TorqueBalance, noise: NoiseModel, kind: str, residual: np.ndarray
+) -> tuple[AtlasEntry, ...]:
+    """Where a torque residual (n,) of a "rotary" or "linear" axis lives; train data only, what does not vary is left out."""
+    chunks = ChunkMeans(balance, noise, residual)
+    if len(chunks.rows) < 2 * CHUNKS_PER_BIN:
         return ()
     data = balance.data
     made = {"direction": _direction(balance), "time_since_reversal": time_since_reversal(balance)}
     recorded = [*(["temperature"] if data.temperature else []), *(f"exogenous:{name}" for name in data.names)]
     names = ["time", "position", "velocity", "direction", "acceleration", "torque", "time_since_reversal", *recorded]
     coordinates = {name: made[name] if name in made else values_of(data, name) for name in names}
-    entries = [_entry(coarse, fit_residual, name, unit_of(name, axis.kind), x) for name, x in coordinates.items()]
-    found = [_with_period(balance, entry, fit_residual) for entry in entries if entry is not None]
-    return (*found, _frequency(balance, fit_residual))
+    entries = [_entry(chunks, residual, name, unit_of(name, kind), x) for name, x in coordinates.items()]
+    found = [_with_period(balance, noise, entry, residual) for entry in entries if entry is not None]
+    return (*found, _frequency(balance, residual))
 
 
-def _direction(balance: Balance) -> np.ndarray:
+def _direction(balance: TorqueBalance) -> np.ndarray:
     """Sign of the velocity where it is known, 0 elsewhere."""
     velocity = balance.data.joined("velocity")
-    return np.asarray(np.sign(velocity) * (np.abs(velocity) > 3.0 * balance.data.velocity_noise))
+    return np.asarray(np.sign(velocity) * (balance.data.moving()))
 
 
-def time_since_reversal(balance: Balance) -> np.ndarray:
+def time_since_reversal(balance: TorqueBalance) -> np.ndarray:
     """Seconds (n,) since the direction last changed, or since the stretch began."""
     parts = []
     for s, direction in zip(
-        balance.data.stretches, np.split(_direction(balance), balance.ends[1:-1]), strict=True
+        balance.data.stretches, np.split(_direction(balance), balance.samples.ends[1:-1]), strict=True
     ):
         t = s.t[:: balance.data.stride]
         known = np.flatnonzero(direction)
@@ -92,39 +97,39 @@ def time_since_reversal(balance: Balance) -> np.ndarray:
 
 
 def _entry(
-    coarse: Coarse, residual: np.ndarray, name: str, unit: str, values: np.ndarray
+    chunks: ChunkMeans, residual: np.ndarray, name: str, unit: str, values: np.ndarray
 ) -> AtlasEntry | None:
     """Bin means of one coordinate as one whitened regression; None when it does not vary."""
-    x = values[coarse.samples]
-    bins = max(2, min(BINS, len(coarse.rows) // FEWEST))
+    x = values[chunks.samples]
+    bins = max(2, min(BINS, len(chunks.rows) // CHUNKS_PER_BIN))
     if name == "direction":
         edges = np.array([-1.5, -0.5, 0.5, 1.5])
     elif name in ("velocity", "acceleration", "torque"):
-        edges = _quiet_edges(x, bins, round(FLUCTUATION_SECONDS / coarse.balance.data.dt))
+        edges = _quiet_edges(x, bins, round(FLUCTUATION_SECONDS / chunks.balance.data.dt))
     else:
         edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
     counts = np.histogram(x, edges)[0]
     if np.count_nonzero(counts) < 2:
         return None
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
-    raw = coarse.scatter(index[:, None], np.ones((len(x), 1)), len(counts))[:, counts > 0]
+    raw = chunks.scatter(index[:, None], np.ones((len(x), 1)), len(counts))[:, counts > 0]
     centres = (np.bincount(index, x, minlength=len(counts)) / np.maximum(counts, 1))[counts > 0]
-    columns, white = coarse.whiten(raw), coarse.whiten(coarse.mean(residual))
+    columns, white = chunks.whiten(raw), chunks.whiten(chunks.mean(residual))
     means = regress(columns, white)
-    constant = coarse.whiten(np.ones(coarse.count))
+    constant = chunks.whiten(np.ones(chunks.count))
     constant = constant / np.linalg.norm(constant)
     if name == "direction":  # equal friction both ways has been fitted: what they share is the asymmetry
         constant = 0.0 * constant
     fit = regress(columns - np.outer(constant, constant @ columns), white - constant * (constant @ white))
     deviation = np.sqrt(np.diag(means.covariance))
-    keep = counts[counts > 0] >= 2 * coarse.width if name != "direction" else centres != 0.0
+    keep = counts[counts > 0] >= 2 * chunks.width if name != "direction" else centres != 0.0
     return AtlasEntry(
         name,
         unit,
         fit.statistic,
         math.exp(fit.log_p),
-        _share(raw[coarse.rows], fit, residual[coarse.balance.train], name != "direction"),
-        _range(edges[:-1][counts > 0], edges[1:][counts > 0], means) if fit.log_p < math.log(SURE) else None,
+        _share(raw[chunks.rows], fit, residual[chunks.balance.train], name != "direction"),
+        _range(edges[:-1][counts > 0], edges[1:][counts > 0], means) if fit.log_p < math.log(NAMED_BELOW) else None,
         None,
         centres[keep],
         means.coefficients[keep],
@@ -175,23 +180,26 @@ def _range(lower: np.ndarray, upper: np.ndarray, means: Regression) -> tuple[flo
     return None if clear[-1] - clear[0] + 1 > 0.7 * len(lower) else here
 
 
-def _with_period(balance: Balance, entry: AtlasEntry, residual: np.ndarray) -> AtlasEntry:
+def _with_period(
+    balance: TorqueBalance, noise: NoiseModel, entry: AtlasEntry, residual: np.ndarray
+) -> AtlasEntry:
     """Position: the entry with its period where a spectrum shows more than the bins do."""
     if entry.coordinate != "position":
         return entry
-    own = copy.copy(balance)  # its noise is this residual's
-    own.estimate_noise(residual)
-    period, statistic, p_value, share = _position_line(own, residual)
+    own = with_spectrum(balance, noise, residual)
+    period, statistic, p_value, share = _position_line(balance, own, residual)
     combined = min(1.0, 2.0 * min(entry.p_value, p_value))
-    if p_value > SURE or share < entry.share:
+    if p_value > NAMED_BELOW or share < entry.share:
         return replace(entry, p_value=combined)
     return replace(entry, p_value=combined, statistic=statistic, share=share, period=period, range=None)
 
 
-def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float, float, float]:
+def _position_line(
+    balance: TorqueBalance, noise: NoiseModel, residual: np.ndarray
+) -> tuple[float, float, float, float]:
     """Strongest period in position: the period, its chi-squared of two, p-value over all orders, share of the power."""
     q = balance.data.joined("position")
-    white = balance.whiten(residual)
+    white = noise.whiten(residual)
     span = float(np.ptp(q[balance.train]))
     moving = np.abs(balance.data.joined("velocity"))
     speed = max(float(np.median(moving[balance.train])), 1e-300)
@@ -199,25 +207,25 @@ def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float
     lowest = 2.0 * math.pi / span
     if highest < 2.0 * lowest:
         return 0.0, 0.0, 1.0, 0.0
-    constant = balance.whiten(np.ones(len(residual)))
+    constant = noise.whiten(np.ones(len(residual)))
     white = white - constant * float(constant @ white) / float(constant @ constant)
     step = 0.5 * math.pi / highest
     cell = ((q - q.min()) / step).astype(np.int64)
-    binned = np.bincount(cell, balance.unwhiten(white))
-    length = 1 << (4 * len(binned) - 1).bit_length()
+    binned = np.bincount(cell, noise.unwhiten(white))
+    length = padded_length(len(binned))
     power = np.abs(np.fft.rfft(binned, length)) ** 2
     grid = 2.0 * math.pi * np.arange(len(power)) / (length * step)
-    usual = ndimage.median_filter(power, 401, mode="nearest")
+    usual = ndimage.median_filter(power, LINE_NEIGHBOURS, mode="nearest")
     power = np.where((grid >= lowest) & (grid <= highest), power / np.maximum(usual, 1e-6 * usual.max()), 0.0)
     nearby = float(grid[int(np.argmax(power))]) + lowest * np.linspace(-0.2, 0.2, 21)
     sums = np.abs(np.exp(1j * np.outer(nearby, step * np.arange(len(binned)))) @ binned)
     order = float(nearby[int(np.argmax(sums))])
     waves = np.stack([np.cos(order * q), np.sin(order * q)], axis=1)
-    columns = balance.whiten(waves)
+    columns = noise.whiten(waves)
     columns = columns - np.outer(constant, constant @ columns) / float(constant @ constant)
     amplitudes = np.linalg.lstsq(columns, white, rcond=None)[0]
     gain = float(white @ (columns @ amplitudes))
-    variance = (float(white @ white) - gain) / balance.effective_count
+    variance = (float(white @ white) - gain) / balance.samples.effective_count
     statistic = gain / variance
     p_value = min(1.0, highest / lowest * float(stats.chi2.sf(statistic, 2)))
     fitted = waves[balance.train] @ amplitudes
@@ -226,28 +234,28 @@ def _position_line(balance: Balance, residual: np.ndarray) -> tuple[float, float
     return 2.0 * math.pi / order, statistic, p_value, min(1.0, share)
 
 
-def _frequency(balance: Balance, residual: np.ndarray) -> AtlasEntry:
+def _frequency(balance: TorqueBalance, residual: np.ndarray) -> AtlasEntry:
     """The spectrum where it exceeds the noise's, in lines or in whole bands; the curve is it, N m per sqrt(Hz).
 
-    The range holds MOST of that excess but for what gaps spread; one line has a period.
+    The range holds RANGE_SHARE of that excess but for what gaps spread; one line has a period.
     """
     grid, power, filled = _whole_spectrum(balance, residual)
     resolution = float(grid[0]) / filled
-    noise = np.interp(grid, *balance.noise_spectrum(residual))
+    noise = np.interp(grid, *noise_spectrum(balance, residual))
     noise *= max(1.0, float(np.median(power / noise)) / math.log(2.0))  # a noise that is louder at times
     ratio = power / noise
     bands = np.array_split(np.arange(len(grid)), min(BANDS, len(grid)))
-    wide = np.array([stats.gamma.logsf(filled * ratio[b].sum() / LEEWAY, filled * len(b)) for b in bands])
-    narrow = -ratio / LEEWAY
+    wide = np.array([stats.gamma.logsf(filled * ratio[b].sum() / NOISE_LEEWAY, filled * len(b)) for b in bands])
+    narrow = -ratio / NOISE_LEEWAY
     log_p = min(0.0, math.log(2.0) + min(wide.min() + math.log(len(bands)), narrow.min() + math.log(len(grid))))
-    clear = ndimage.binary_dilation(narrow + math.log(len(grid) / SURE) < 0.0, iterations=2)
+    clear = ndimage.binary_dilation(narrow + math.log(len(grid) / NAMED_BELOW) < 0.0, iterations=2)
     for band, level in zip(bands, wide, strict=True):
-        clear[band] |= level + math.log(len(bands) / SURE) < 0.0
+        clear[band] |= level + math.log(len(bands) / NAMED_BELOW) < 0.0
     excess = np.where(clear, power - noise, 0.0)
     share, where, period = 0.0, None, None
-    if log_p < math.log(SURE) and excess.sum() > 0.0:
+    if log_p < math.log(NAMED_BELOW) and excess.sum() > 0.0:
         share = float(excess.sum() / power.sum())
-        first, last = _narrowest(np.cumsum(excess), MOST * filled)
+        first, last = _narrowest(np.cumsum(excess), RANGE_SHARE * filled)
         where = (max(float(grid[first]) - resolution, 0.0), float(grid[last]) + resolution)
         if where[0] > 0.0 and where[1] - where[0] < LINE * resolution:
             period = 1.0 / float(grid[int(np.argmax(excess))])
@@ -267,17 +275,17 @@ def _frequency(balance: Balance, residual: np.ndarray) -> AtlasEntry:
     )
 
 
-def _whole_spectrum(balance: Balance, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _whole_spectrum(balance: TorqueBalance, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Frequencies below the cutoff (m,), Hz, power density there, N^2 m^2/Hz, and how much of their length the stretches fill.
 
     The train data of each stretch as long as the longest one, gaps zero.
     """
-    dt, mean, length = balance.data.dt, residual[balance.train].mean(), max(balance.sizes)
+    dt, mean, length = balance.data.dt, residual[balance.train].mean(), max(s.stop - s.start for s in balance.samples.stretches)
     grid = np.fft.rfftfreq(length, dt)
     energy, counts = np.zeros(len(grid)), []
-    for a, b in itertools.pairwise(balance.ends):
-        train = balance.train[a:b]
-        energy += np.abs(np.fft.rfft(np.where(train, residual[a:b] - mean, 0.0), length)) ** 2
+    for stretch in balance.samples.stretches:
+        train = balance.train[stretch]
+        energy += np.abs(np.fft.rfft(np.where(train, residual[stretch] - mean, 0.0), length)) ** 2
         counts.append(np.count_nonzero(train))
     inside = (grid > 0.0) & (grid <= balance.data.cutoff)
     filled = float(sum(n * n for n in counts) / (length * sum(counts)))

@@ -17,19 +17,18 @@ import yaml
 
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.dataset.coordinates import unit_of
-from tcs_friction.diagnose.dataset.excitation import SLOW
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned
-from tcs_friction.diagnose.fit.parameters import Free, free_parameters, moved
+from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.fit.parameters import FreeNumber, free_parameters, moved
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance
+from tcs_friction.physics.terms import Instance, Need
 
 DURATION = 60.0  # s, of most motions
 LONG = 300.0  # s, of the one that shows slow changes
 FASTER = 2.0  # times the fastest speed seen that may be asked for
 USED = 0.9  # of the travel seen
 SETTLED = 0.5  # s at the start that are not compared
-MATERIAL = 0.05  # of the effects' own torque: predictions that differ by less are not worth a recording
+WORTH_A_RECORDING = 0.05  # of the effects' own torque: predictions that differ by less are not worth a recording
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Proposal:
 
 
 def next_experiment(
-    axis: Axis, a: Instance, b: Instance, data: Conditioned, noise_floor: float = 0.0
+    axis: Axis, a: Instance, b: Instance, data: DataSet, noise_floor: float = 0.0
 ) -> dict[str, Any] | None:
     """What to record to tell effect `a` from effect `b`; None when no motion within reach would.
 
@@ -52,7 +51,7 @@ def next_experiment(
     Returns `{"reference": {...}, "separates": [a, b], "why": line, "difference": N m rms}`; `reference_text` makes the file.
     """
     own = _difference_rms(axis, a, data)
-    slow = any(item.term.id in SLOW for item in (a, b))
+    slow = any(Need.DURATION in item.term.needs for item in (a, b))
     proposals = [
         _judge(axis, a, b, data, reference, words)
         for reference, words in library(data, axis)
@@ -62,7 +61,7 @@ def next_experiment(
     if not found:
         return None
     best = max(found, key=lambda p: p.difference)
-    if best.difference < max(MATERIAL * own, 0.3 * noise_floor):
+    if best.difference < max(WORTH_A_RECORDING * own, 0.3 * noise_floor):
         return None
     unit = unit_of("torque", axis.kind)
     why = f"{best.words}: {a.term.id} and {b.term.id} then differ by {best.difference:.3g} {unit} rms that no retuning absorbs"
@@ -81,12 +80,12 @@ def reference_text(experiment: Mapping[str, Any]) -> str:
     )
 
 
-def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], str]]:
+def library(data: DataSet, axis: Axis) -> Iterator[tuple[Mapping[str, Any], str]]:
     """Motions within the travel seen and up to FASTER times the speed seen, each with its words."""
     position, speed = data.joined("position"), np.abs(data.joined("velocity"))
     lowest, highest = float(position.min()), float(position.max())
     middle, half = 0.5 * (lowest + highest), 0.5 * USED * (highest - lowest)
-    moving = speed[speed > 3.0 * data.velocity_noise]
+    moving = speed[data.moving()]
     if len(moving) < 20 or half <= 0.0:
         return
     slow, fast = (float(x) for x in np.percentile(moving, [5, 99]))
@@ -116,7 +115,7 @@ def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], 
                 {"kind": "legs", "speed": top, "leg": leg, "acceleration": hardest, "start": middle},
                 f"{name} legs of constant speed, {top:.3g} {unit}, to and fro",
             )
-    across = min(2.0 * half / 28.0, fast)
+    across = min(2.0 * half / (0.5 * DURATION - 2.0), fast)
     yield (
         {
             "kind": "legs",
@@ -158,7 +157,7 @@ def library(data: Conditioned, axis: Axis) -> Iterator[tuple[Mapping[str, Any], 
 
 
 def _judge(
-    axis: Axis, a: Instance, b: Instance, data: Conditioned, reference: Mapping[str, Any], words: str
+    axis: Axis, a: Instance, b: Instance, data: DataSet, reference: Mapping[str, Any], words: str
 ) -> Proposal | None:
     placed = _placed({"duration": DURATION, **reference}, data)
     if placed is None:
@@ -185,10 +184,10 @@ def _judge(
 
 def _columns(residual: Any, axis: Axis, here: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Derivatives (kept, k) of the residual by everything that a joint fit of this axis would change."""
-    free: list[Free] = free_parameters(axis, 1e-3 * max(float(np.std(here)), 1e-12))
+    free: list[FreeNumber] = free_parameters(axis, 1e-3 * max(float(np.std(here)), 1e-12))
     columns = np.empty((len(kept), len(free)))
     for k, f in enumerate(free):
-        columns[:, k] = (residual(moved(axis, free, k, f.scale)) - here)[kept] / f.scale
+        columns[:, k] = (residual(moved(axis, free, k, f.step)) - here)[kept] / f.step
     return columns
 
 
@@ -204,7 +203,7 @@ def _without(x: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def _placed(
-    block: Mapping[str, Any], data: Conditioned
+    block: Mapping[str, Any], data: DataSet
 ) -> tuple[dict[str, Any], np.ndarray, np.ndarray] | None:
     """The reference block in the middle of the travel, times (n,) and motion (n, 3); None when it does not fit."""
     position = data.joined("position")
@@ -226,25 +225,25 @@ def _placed(
     return placed, t, motion
 
 
-def _signals(data: Conditioned, count: int) -> np.ndarray:
+def _signals(data: DataSet, count: int) -> np.ndarray:
     """Recorded temperature and exogenous signals (1 + s, count), repeated as often as needed."""
     recorded = max((s.signals for s in data.stretches), key=lambda x: x.shape[1])
     return np.ascontiguousarray(recorded[:, np.arange(count) % recorded.shape[1]])
 
 
 def _balance(
-    axis: Axis, data: Conditioned, t: np.ndarray, motion: np.ndarray, signals: np.ndarray, torque: np.ndarray
+    axis: Axis, data: DataSet, t: np.ndarray, motion: np.ndarray, signals: np.ndarray, torque: np.ndarray
 ) -> np.ndarray:
     """Torque at the rotor less what the motion requires, (n,)."""
     out = np.empty((len(t), 8))
     compiled = machine.build(axis, data.dt / data.stride, signals=data.names, position=float(motion[0, 0]))
     position, velocity, acceleration = (np.ascontiguousarray(motion[:, k]) for k in range(3))
-    resolution = max(2.0 * data.velocity_noise, 1e-12)
+    resolution = data.speed_resolution
     machine.evaluate(compiled, t, position, velocity, acceleration, torque, signals, resolution, out)
     return np.asarray(out[:, machine.ROTOR] - out[:, machine.REQUIRED])
 
 
-def _difference_rms(axis: Axis, a: Instance, data: Conditioned) -> float:
+def _difference_rms(axis: Axis, a: Instance, data: DataSet) -> float:
     """Torque rms of the effect over the recordings' longest stretch."""
     s = max(data.stretches, key=lambda stretch: len(stretch.t))
     motion = np.stack([s.position, s.velocity, s.acceleration], axis=1)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned
+from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.numerics.runs import runs
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.machine import (
@@ -46,14 +47,14 @@ WINDOWS = 100  # at most, spread over the held-out data
 LONGEST_STEP = 1e-3  # s
 
 
-def usable_horizon(data: Conditioned, horizon: float = HORIZON) -> float:
+def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
     """The horizon (s), shorter where no held-out stretch is that long; 0 without held-out data."""
     step = data.dt / data.stride
     longest = max((b - a for mask in _held_out(data) for a, b in mask), default=0)
     return min(horizon, max(longest - 1, 0) * step)
 
 
-def free_run(data: Conditioned, axis: Axis, horizon: float = HORIZON) -> float:
+def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
     """Rms (rad) of the position error within windows of `horizon` (s, or what fits) of the held-out data.
 
     An error beyond the whole travel counts as the travel, so a model that runs away has a large error but a number.
@@ -62,11 +63,10 @@ def free_run(data: Conditioned, axis: Axis, horizon: float = HORIZON) -> float:
     length = round(usable_horizon(data, horizon) / step)
     if length < 1:
         return 0.0
-    runs = _held_out(data)
-    starts = _windows(runs, length)
+    starts = _windows(_held_out(data), length)
     travel = float(np.ptp(data.joined("position")))
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
-    resolution = max(2.0 * data.velocity_noise, 1e-12)
+    resolution = data.speed_resolution
     squares, count = 0.0, 0
     for s, begins in zip(data.stretches, starts, strict=True):
         if not len(begins):
@@ -92,24 +92,17 @@ def free_run(data: Conditioned, axis: Axis, horizon: float = HORIZON) -> float:
     return math.sqrt(squares / max(count, 1))
 
 
-def _held_out(data: Conditioned) -> list[list[tuple[int, int]]]:
+def _held_out(data: DataSet) -> list[list[tuple[int, int]]]:
     """For each stretch the runs (first, last + 1) of evaluated samples that are held out."""
-    result = []
-    for s in data.stretches:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], s.held_out.astype(np.int8), [0]])))
-        last = len(s.t)
-        result.append(
-            [
-                (int(a) * data.stride, min((int(b) - 1) * data.stride + 1, last))
-                for a, b in zip(edges[::2], edges[1::2], strict=True)
-            ]
-        )
-    return result
+    return [
+        [(int(a) * data.stride, min((int(b) - 1) * data.stride + 1, len(s.t))) for a, b in runs(s.held_out)]
+        for s in data.stretches
+    ]
 
 
-def _windows(runs: list[list[tuple[int, int]]], length: int) -> list[np.ndarray]:
+def _windows(allowed: list[list[tuple[int, int]]], length: int) -> list[np.ndarray]:
     """First samples of the windows in each stretch: end to end, then every n-th so that WINDOWS are left."""
-    begins = [[a + k * length for a, b in mask for k in range((b - a - 1) // length)] for mask in runs]
+    begins = [[a + k * length for a, b in inside for k in range((b - a - 1) // length)] for inside in allowed]
     every = max(1, math.ceil(sum(map(len, begins)) / WINDOWS))
     offset, result = 0, []
     for some in begins:

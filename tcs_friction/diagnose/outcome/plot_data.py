@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Look:
+class CoordinateCurve:
     """The residual over one coordinate: bin centres x (k,), mean and its 95 % band (k,), torque unit."""
 
     coordinate: str
@@ -76,7 +76,7 @@ class Evidence:
     retuned: Array
     improved: Array
     held_out: Array
-    atlas: tuple[Look, ...] = ()
+    atlas: tuple[CoordinateCurve, ...] = ()
     isolated: tuple[Isolated, ...] = ()
     learned: Map | None = None
     runners_up: tuple[RunnerUp, ...] = ()

@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.outcome.plot_data import Evidence
+from tcs_friction.diagnose.search.hypotheses import Kind
 from tcs_friction.physics.terms import Instance
 
 SCHEMA = "tcs_friction/diagnosis/1"
-VERDICTS = ("match", "parameters", "missing_physics", "unexplained")
+
+
+class Verdict(enum.StrEnum):
+    """What a diagnosis says of a model."""
+
+    MATCH = "match"
+    PARAMETERS = "parameters"
+    MISSING_PHYSICS = "missing_physics"
+    UNEXPLAINED = "unexplained"
 
 
 @dataclass(frozen=True)
 class Found:
     """One effect that the model lacked.
 
-    parameters: name -> value, std, unit. torque_rms: of the effect over the recording, N m. before, after: held-out rms of
-    the torque residual without and with it, the rest refitted. delta_bic: negative is better.
+    equivalent: kinds of effects that these data cannot tell from it, best first. parameters: name -> value, std, unit.
+    torque_rms: of the effect over the recording, N m. before, after: held-out rms of the torque residual without and with it,
+    the rest refitted. delta_bic: negative is better.
     """
 
     instance: Instance
-    equivalent: tuple[str, ...]
+    equivalent: tuple[Kind, ...]
     probability: float
     parameters: Mapping[str, Mapping[str, Any]]
     where: Mapping[str, Any]
@@ -41,7 +52,7 @@ class Found:
         """As diagnosis.json has it."""
         content: dict[str, Any] = {
             "effect": self.effect,
-            "equivalent": list(self.equivalent),
+            "equivalent": list(dict.fromkeys(kind.effect for kind in self.equivalent)),
             "probability": self.probability,
             "parameters": {name: dict(value) for name, value in self.parameters.items()},
             "where": dict(self.where),
@@ -55,6 +66,9 @@ class Found:
         }
         if self.instance.signal is not None:
             content["signal"] = self.instance.signal
+        through = {kind.effect: kind.signal for kind in reversed(self.equivalent) if kind.signal is not None}
+        if through:
+            content["equivalent_signals"] = through
         return content
 
 
@@ -79,7 +93,7 @@ class Errors:
 class Diagnosis:
     """What a diagnosis found. `axis_file` is the improved axis, ready to simulate; `evidence` draws the report."""
 
-    verdict: str
+    verdict: Verdict
     statement: str
     effects: tuple[Found, ...]
     unexplained: Unexplained
@@ -103,7 +117,7 @@ class Diagnosis:
             fit[name] = {"train": errors.train, "held_out": errors.held_out}
         return {
             "schema": SCHEMA,
-            "verdict": self.verdict,
+            "verdict": str(self.verdict),
             "statement": self.statement,
             "effects": [found.to_mapping() for found in self.effects],
             "unexplained": {

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
+from tcs_friction.diagnose.search.hypotheses import Kind
 from tcs_friction.physics.terms import Place, Role
 
 SPOKEN = 3  # effects with their numbers in the sentence; the table has them all
@@ -65,7 +66,7 @@ def statement(
 
 def effect_words(effects: Sequence[Found]) -> list[str]:
     """The effects' names in words, each once."""
-    return list(dict.fromkeys(found.effect.replace("_", " ") for found in effects))
+    return list(dict.fromkeys(found.instance.term.words for found in effects))
 
 
 def listed(words: Sequence[str]) -> str:
@@ -77,19 +78,20 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
+def _kind_words(kind: Kind) -> str:
+    """An effect's name in words, with the signal it acts through."""
+    return kind.effect + (f" from {kind.signal}" if kind.signal else "")
+
+
 def _phrase(found: Found, unit: str) -> str:
     """An effect with its most telling numbers."""
     parts = []
     for parameter in found.instance.term.parameters:
         entry = found.parameters.get(parameter.name)
-        if (
-            entry is None
-            or parameter.role is Role.PHASE
-            or "_" in parameter.name.replace("time_constant", "")
-        ):
+        if entry is None or parameter.role is Role.PHASE or not parameter.stated:
             continue
         parts.append(f"{parameter.name} {entry['value']:.4g} {entry['unit']}".rstrip())
     numbers = f" ({', '.join(parts[:3])}; {found.torque_rms:.3g} {unit} rms)"
-    doubt = f", which this data cannot tell from {' or '.join(found.equivalent)}" if found.equivalent else ""
+    doubt = f", which this data cannot tell from {' or '.join(map(_kind_words, found.equivalent))}" if found.equivalent else ""
     signal = f" from {found.instance.signal}" if found.instance.signal else ""
-    return found.effect.replace("_", " ") + signal + numbers + doubt
+    return found.instance.term.words + signal + numbers + doubt

@@ -1,8 +1,10 @@
 """The residual's slow part: means over short chunks of train data, whitened, and regressions on them.
 
+In: a residual (n,), N m, and its noise model. Out: chunk means (c,), whitened rows of them (m,), F tests of regressions.
+
 What depends on motion, place or time is slow against the sampling: 20 means a second keep it, and a regression with hundreds
-of columns costs little. The chunk means' noise is whitened by an autoregressive filter made from the robust noise
-spectrum, so that squares compare with chi-squared and a filter costs only its few chunks at every gap.
+of columns costs little. The noise of chunk means is whitened by an autoregressive filter made from the robust noise spectrum
+(Yule-Walker), so that squares compare with chi-squared and a filter costs only its few chunks at every gap.
 """
 
 from __future__ import annotations
@@ -14,29 +16,34 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, stats
 
-from tcs_friction.diagnose.fit.balance import Balance
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.noise import NoiseModel
+from tcs_friction.diagnose.fit.noise_estimate import noise_spectrum
+from tcs_friction.numerics.runs import runs
 
-RATE = 20.0  # chunks per second at most
-MOST_CHUNKS = 40_000
-KNEE = 0.3  # of the highest slow frequency: noise is taken to be flat below
-LEEWAY = 1.2  # by which noise power may exceed what it is taken to be
-ORDER = 10  # of the whitening filter, chunks
+CHUNKS_PER_SECOND = 20.0  # at most: passes what is slower than 10 Hz
+MOST_CHUNKS = 40_000  # bounds the memory of a regression with hundreds of columns
+FLAT_BELOW = 0.3  # of the highest frequency of chunk means: a drive's torque noise is flat below its corner
+NOISE_LEEWAY = 1.2  # factor by which noise power may exceed its robust estimate
+FILTER_ORDER = 10  # of the whitening filter, chunks: half a second
+CHUNKS_PER_COEFFICIENT = 40  # that the filter is made from at least
+DEPENDENT = 1e-8  # of the largest eigenvalue: directions without data
 
 
-class Coarse:
-    """Chunk means over the train rows of a balance.
+class ChunkMeans:
+    """Chunk means over the train data of a balance.
 
-    Attributes: `rows` (m,) index of the chunks that are compared; `run` and `t` (chunks,): train run and mean time of every
-    chunk; `weight` (m,) 1/standard deviation of the whitened noise.
+    Attributes: rows (m,): index of the chunks that are compared. run, t (c,): run of train data and mean time of every chunk.
+    weight (m,): 1/standard deviation of the whitened noise.
     """
 
-    def __init__(self, balance: Balance, residual: np.ndarray) -> None:
+    def __init__(self, balance: TorqueBalance, noise: NoiseModel, residual: np.ndarray) -> None:
         self.balance = balance
         dt = balance.data.dt
-        self.width = max(1, round(1.0 / (RATE * dt)), -(-int(balance.train.sum()) // MOST_CHUNKS))
+        self.width = max(1, round(1.0 / (CHUNKS_PER_SECOND * dt)), -(-int(balance.train.sum()) // MOST_CHUNKS))
         self.period = self.width * dt
         begins, runs = [], []
-        for number, (begin, end) in enumerate(_runs(balance)):
+        for number, (begin, end) in enumerate(_train_runs(balance)):
             starts = np.arange(begin, end - self.width + 1, self.width)
             begins.append(starts)
             runs.append(np.full(len(starts), number))
@@ -44,14 +51,14 @@ class Coarse:
         self.run = np.concatenate([np.zeros(0, np.int64), *runs])
         self.samples = (self.begins[:, None] + np.arange(self.width)).ravel()
         self.count = len(self.begins)
-        order = min(ORDER, max(1, self.count // 40))
-        frequency, power = balance.noise_spectrum(residual)
+        order = min(FILTER_ORDER, max(1, self.count // CHUNKS_PER_COEFFICIENT))
+        frequency, power = noise_spectrum(balance, residual)
         few = len(power) // 32  # the spectrum's first points miss what the blocks' mean took away
         power = np.concatenate([np.maximum(power[:few], power[few]), power[few:]])
         self.filter = _autoregression(frequency, power, dt, self.width, order)
         first = np.searchsorted(self.run, self.run, side="left")
         self.rows = np.flatnonzero(np.arange(self.count) - first >= order)
-        self.weight = np.sqrt(self.mean(balance.local_weight)[self.rows])
+        self.weight = np.sqrt(self.mean(noise.local_weight)[self.rows])
 
     @cached_property
     def t(self) -> np.ndarray:
@@ -96,7 +103,7 @@ def regress(columns: np.ndarray, white: np.ndarray) -> Regression:
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh((columns / scale).T @ (columns / scale))
-    keep = values > 1e-8 * max(float(values[-1]), 1e-300)
+    keep = values > DEPENDENT * max(float(values[-1]), 1e-300)
     vectors = vectors[:, keep] / np.sqrt(values[keep])
     scores = vectors.T @ ((columns / scale).T @ white)
     gain, k = float(scores @ scores), int(keep.sum())
@@ -124,35 +131,31 @@ class Slow:
     floor: float
 
 
-def slow_excess(coarse: Coarse, residual: np.ndarray, raw: np.ndarray) -> Slow:
+def slow_excess(chunks: ChunkMeans, residual: np.ndarray, raw: np.ndarray) -> Slow:
     """Compare slow power with a noise that does not rise towards low frequencies. `raw`: the residual's chunk means.
 
     A drive's torque noise is flat below its corner, so the level in the upper part of the slow band bounds the noise below it.
     """
-    frequency, power = coarse.balance.noise_spectrum(residual)
-    highest = min(0.5 / coarse.period, coarse.balance.data.cutoff)
-    knee = KNEE * highest
+    frequency, power = noise_spectrum(chunks.balance, residual)
+    highest = min(0.5 / chunks.period, chunks.balance.data.cutoff)
+    knee = FLAT_BELOW * highest
     band = (frequency >= knee) & (frequency <= 2.0 * knee)
     level = float(np.median(power[band])) if band.any() else float(np.median(power))
     flat = np.where(frequency < knee, np.minimum(power, level), power)
     below = frequency < knee
-    allowed = LEEWAY * flat[below] * np.sinc(frequency[below] * coarse.period) ** 2
+    allowed = NOISE_LEEWAY * flat[below] * np.sinc(frequency[below] * chunks.period) ** 2
     expected = max(float(allowed.mean()) * knee, 1e-300)
-    spectrum = np.fft.rfft(raw)[np.fft.rfftfreq(len(raw), coarse.period) < knee]
+    spectrum = np.fft.rfft(raw)[np.fft.rfftfreq(len(raw), chunks.period) < knee]
     actual = 2.0 * float(np.sum(np.abs(spectrum) ** 2)) / len(raw) ** 2
-    count = 2.0 * knee * coarse.period * len(raw)  # independent numbers below the knee
+    count = 2.0 * knee * chunks.period * len(raw)  # independent numbers below the knee
     p_value = float(stats.chi2.sf(count * actual / expected, count))
     floor = math.sqrt(float(np.trapezoid(flat, frequency)))
     return Slow(max(0.0, actual - expected), actual / expected, p_value, knee, floor)
 
 
-def _runs(balance: Balance) -> list[tuple[int, int]]:
-    """First and past-last sample of every stretch of train data."""
-    runs = []
-    for begin, end in zip(balance.ends[:-1], balance.ends[1:], strict=True):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], balance.train[begin:end].astype(np.int8), [0]])))
-        runs += [(int(begin + a), int(begin + b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return runs
+def _train_runs(balance: TorqueBalance) -> np.ndarray:
+    """(k, 2) First and past-last sample of every run of train data within a stretch."""
+    return np.concatenate([s.start + runs(balance.train[s]) for s in balance.samples.stretches])
 
 
 def _autoregression(

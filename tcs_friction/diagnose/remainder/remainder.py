@@ -1,115 +1,111 @@
-"""What the chosen effects leave: structure, and whether a learned map does as well as they do."""
+"""What the chosen effects leave, and whether a learned map does as well as they do.
+
+In: the retuned fit and a fit with effects. Out: a `Remainder`: the structure that the effects leave and, where it does as
+well as they do together, a map on the retuned axis that stands for them. Physics outside the vocabulary makes parts of it
+look like effects, often large ones that cancel each other; none of them is named then.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tcs_friction.diagnose.fit.balance import Balance, Fit, rms
-from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.noise_estimate import misfit, with_spectrum
 from tcs_friction.diagnose.remainder.maps import Structure, remaining_structure
-from tcs_friction.diagnose.search.candidates import chance
-from tcs_friction.diagnose.search.stepwise import Selection
+from tcs_friction.diagnose.search.harmonics import added_effects
+from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import effect
+from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import instance
 
-CANCELLED = 0.4  # of the single effects' power that is left of them together
+CANCELLED = 0.4  # of the single effects' power that is left of them together, below which they are said to cancel each other
 COMPLETE = 1.25  # times the noise floor, that a map leaves which explains all
 TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 
 
-class Remains:
-    """What the chosen effects of a selection leave, looked at once for every choice."""
+@dataclass(frozen=True, eq=False)
+class MapInstead:
+    """A learned map on the retuned axis that does as well as the effects: the fit with it, and what it is a map of."""
 
-    def __init__(self, balance: Balance) -> None:
-        self.balance = balance
-        self.of: Fit | None = None
-        self.structure: Structure | None = None
-        self.plain = False
-
-    def is_plain_map(self, selection: Selection) -> bool:
-        """Whether a learned map on the retuned axis does as well as the chosen effects; then it is what is chosen."""
-        if selection.chosen is not self.of:
-            self._choose(selection, self._map(selection))
-        return self.plain
-
-    def are_hopeless(self, selection: Selection) -> bool:
-        """Whether further effects would be parts of a map: it leaves but noise, and what they leave is over its axes."""
-        found = self._map(selection)
-        if found is not None:
-            fit, plain = found
-            complete = self.balance.misfit(fit.axis) < COMPLETE**2
-            if not complete or self.structure is None or plain.coordinates != self.structure.coordinates:
-                self.balance.weigh(selection.chosen.axis)
-                return False
-        self._choose(selection, found)
-        return self.plain
-
-    def _map(self, selection: Selection) -> tuple[Fit, Structure] | None:
-        self.structure = remaining_structure(self.balance, selection.chosen)
-        return _plain_map(self.balance, selection, self.structure)
-
-    def _choose(self, selection: Selection, found: tuple[Fit, Structure] | None) -> None:
-        self.plain = found is not None
-        if found is None:
-            self.balance.weigh(selection.chosen.axis)
-        else:
-            selection.chosen, self.structure = found
-        self.of = selection.chosen
+    fit: Fit
+    structure: Structure
+    complete: bool  # whether it leaves nothing but noise
 
 
-def _plain_map(
-    balance: Balance, selection: Selection, structure: Structure | None
-) -> tuple[Fit, Structure] | None:
-    """A learned map on the retuned axis alone, where it does as well as the chosen effects; then none of them is named.
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What a fit leaves: structure or None, and a map that does as well as its effects or None."""
 
-    Physics outside the vocabulary makes parts of it look like effects, often large ones that cancel each other: only where
-    structure remains or the effects cancel is this asked.
+    fit: Fit
+    structure: Structure | None
+    instead: MapInstead | None
+
+    @property
+    def further_effects_are_map(self) -> bool:
+        """Whether further effects would be parts of the map: it explains all, over the coordinates of what remains."""
+        if self.instead is None or self.structure is None or not self.instead.complete:
+            return False
+        return self.instead.structure.coordinates == self.structure.coordinates
+
+
+def remainder_of(balance: TorqueBalance, retuned: Fit, fit: Fit) -> Remainder:
+    """What a fit with effects leaves in the train data."""
+    structure = remaining_structure(balance, fit, fit.noise)
+    return Remainder(fit, structure, _map_instead(balance, retuned, fit, structure))
+
+
+def _map_instead(
+    balance: TorqueBalance, retuned: Fit, fit: Fit, structure: Structure | None
+) -> MapInstead | None:
+    """A learned map on the retuned axis, where it does as well as the effects of a fit.
+
+    Only where structure remains or the effects cancel each other is this asked.
     """
-    fit, believed = selection.chosen, len(selection.retuned.axis.effects)
-    if len(fit.axis.effects) == believed:
+    if not added_effects(fit.axis, retuned.axis):
         return None
-    if structure is None and _cancellation(balance, fit, believed) > CANCELLED:
+    if structure is None and _power_left_by_cancellation(balance, fit, retuned) > CANCELLED:
         return None
-    best = fit if structure is None else mapped(balance, fit, structure)
-    balance.estimate_noise(balance.residual(best.axis), best.axis.inertia)
-    plain = remaining_structure(balance, selection.retuned)
-    if plain is None or plain.table is None or len(plain.coordinates) < 2:
+    best = fit if structure is None else with_map(balance, fit, structure)
+    noise = with_spectrum(balance, best.noise, balance.residual(best.axis, best.noise), best.axis.inertia)
+    whole = remaining_structure(balance, retuned, noise)
+    if whole is None or whole.table is None or len(whole.coordinates) < 2:
         return None  # what depends on one coordinate alone has names in the vocabulary
-    alone = mapped(balance, selection.retuned, plain)
-    spread = max(1.0, balance.squares(best.axis) / balance.effective_count)
-    lost = (balance.squares(alone.axis) - balance.squares(best.axis)) / spread
-    needed = chance(len(best.free) - len(alone.free), 1.0)
-    plainly = np.mean([balance.residual(x.axis)[balance.train] ** 2 for x in (alone, best)], axis=1)
-    if lost > max(needed, TIE * balance.effective_count) or plainly[0] > (1.0 + TIE) * plainly[1]:
+    alone = with_map(balance, replace(retuned, squares=balance.squares(retuned.axis, noise)), whole)
+    with_effects = balance.squares(best.axis, alone.noise)
+    lost = (alone.squares - with_effects) / with_effects.dispersion
+    needed = chance(len(best.free) - len(alone.free))
+    power = [np.mean(balance.residual(x.axis, alone.noise)[balance.train] ** 2) for x in (alone, best)]
+    if lost > max(needed, TIE * balance.samples.effective_count) or power[0] > (1.0 + TIE) * power[1]:
         return None
-    return alone, plain
+    complete = misfit(balance, balance.residual(alone.axis, alone.noise)) < COMPLETE**2
+    return MapInstead(alone, whole, bool(complete))
 
 
-def _cancellation(balance: Balance, fit: Fit, believed: int) -> float:
-    """Power of the torque of all found effects together over the sum of their own; small where they cancel each other."""
-    full = balance.residual(fit.axis)
-    effects = fit.axis.effects
+def _power_left_by_cancellation(balance: TorqueBalance, fit: Fit, retuned: Fit) -> float:
+    """Power of the torque of all effects found together over the sum of their own; small where they cancel each other."""
+    full = balance.residual(fit.axis, fit.noise)
+    found = added_effects(fit.axis, retuned.axis)
 
-    def torque(fewer: Axis) -> np.ndarray:
-        difference = balance.residual(fewer) - full
-        return difference - float(np.mean(difference))
+    def power(fewer: Axis) -> float:
+        return float(np.var(balance.residual(fewer, fit.noise) - full))
 
-    together = torque(replace(fit.axis, effects=effects[:believed]))
-    single = [torque(fit.axis.without_effect(item)) for item in effects[believed:]]
-    return float(np.var(together)) / max(sum(float(np.var(x)) for x in single), 1e-300)
+    without = fit.axis
+    for item in found:
+        without = without.without_effect(item)
+    together = power(without)
+    single = sum(power(fit.axis.without_effect(item)) for item in found)
+    return together / max(single, 1e-300)
 
 
-def mapped(balance: Balance, fit: Fit, structure: Structure) -> Fit:
+def with_map(balance: TorqueBalance, fit: Fit, structure: Structure) -> Fit:
     """The fit with the structure's table as a learned map, refitted; as it is where that explains no more."""
     if structure.table is None:
         return fit
-    axis = fit.axis.with_effect(instance(effect("learned_map"), {}, table=structure.table))
-    refitted = settle(balance, axis, rounds=1)
-    with_map, without = (rms(balance.residual(x.axis)[balance.train]) for x in (refitted, fit))
-    if with_map < without:
-        return refitted
-    balance.weigh(fit.axis)
-    return fit
+    term = next(term for term in effects().values() if term.tabulated)
+    axis = fit.axis.with_effect(instance(term, {}, table=structure.table))
+    refitted = settle(balance, axis, fit.noise, rounds=1)
+    left = [rms(balance.residual(x.axis, x.noise)[balance.train]) for x in (refitted, fit)]
+    return refitted if left[0] < left[1] else fit

@@ -1,8 +1,8 @@
 """Every effect of the vocabulary as a hypothesis about the torque residual, and where to start fitting it.
 
-A hypothesis is judged jointly with the base parameters: what retuning explains is projected out of residual and columns first.
-Effects linear in an amplitude are judged by their columns, others by the residual that they leave. Orders, frequencies and
-places are found by matched filters first.
+In: a projected residual. Out: `Start`s, best first: one or two effects with values, and the gain that they promise in a joint
+fit. Effects linear in an amplitude are judged by their columns, others by the residual that they leave. Orders, frequencies
+and places are found by matched filters first.
 """
 
 from __future__ import annotations
@@ -11,34 +11,55 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from tcs_friction.diagnose.fit.balance import Balance
-from tcs_friction.diagnose.fit.parameters import pairs
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.parameters import amplitudes
 from tcs_friction.diagnose.parallel import side_by_side
-from tcs_friction.diagnose.search.matched_filter import excess, local_scans, same_wave, spectrum
-from tcs_friction.diagnose.search.projection import Background, probe, survey, unit_size
+from tcs_friction.diagnose.search.matched_filter import local_scans, noise_excess, order_spectrum, same_wave
+from tcs_friction.diagnose.search.projection import ProjectedResidual, probes, small_amplitude, survey
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Place, Role, Survey, Term, instance
 
-SUBMULTIPLE = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
-LEADING = 0.5  # of the largest harmonic, that the first one must have
-CLIMB_FROM, CLIMBS = 0.13, 16  # first step of a pattern search, log units, and its rounds
+FUNDAMENTAL_GAIN = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
+FUNDAMENTAL_SIZE = 0.5  # of the largest harmonic, that the first one must have
+FIRST_STEP, PATTERN_ROUNDS = 0.13, 16  # of a pattern search: log units, halved in every round without a gain
 PEAKS = 3  # of a spectrum that are tried exactly
+PEAK_SPACING = 3  # grid points between two of them: less is one peak
+STARTS = 2  # of an effect that are kept
+GAIN_PER_NUMBER = 12.0  # about what `chance` asks for each number of a wave that was found among a thousand orders
+
+
+class Kind(NamedTuple):
+    """What an effect is, whatever its values: its id and the recorded signal through which it acts."""
+
+    effect: str
+    signal: str | None = None
+
+
+def kind_of(item: Instance) -> Kind:
+    """The kind of an effect."""
+    return Kind(item.term.id, item.signal)
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a joint fit of one more effect, or of two, may start; `gain` is the drop of the whitened squares that it promises."""
+    """Where a joint fit of one more effect, or of two, may start.
+
+    gain: drop of the whitened squares that it promises. count: of free numbers. alternatives: how many were searched through to
+    find it. columns (m, k): projected and whitened, of its linear numbers; none where the gain is not linear. noise_excess: how
+    much chance gives near its order, over what the noise estimate says.
+    """
 
     instances: tuple[Instance, ...]
     gain: float
-    count: int  # of free numbers
-    looks: float  # how many alternatives were looked at to find it
-    columns: np.ndarray  # (rows, k) projected and whitened, of its linear numbers; none where the gain is not linear
-    excess: float = 1.0  # how much chance gives near its order, over what the noise estimate says
+    count: int
+    alternatives: float
+    columns: np.ndarray
+    noise_excess: float = 1.0
 
     @property
     def instance(self) -> Instance:
@@ -46,62 +67,64 @@ class Start:
         return self.instances[0]
 
     @property
-    def name(self) -> str:
-        """Ids, with the signals they act through."""
-        return "+".join(map(name_of, self.instances))
+    def kinds(self) -> tuple[Kind, ...]:
+        """The kinds of its effects."""
+        return tuple(map(kind_of, self.instances))
+
+    @property
+    def promise(self) -> float:
+        """The gain in units of the noise near its order."""
+        return self.gain / self.noise_excess
 
 
-def name_of(item: Instance) -> str:
-    """An effect's id, with the signal it acts through."""
-    return item.term.id + (f":{item.signal}" if item.signal else "")
-
-
-def eligible(axis: Axis, balance: Balance) -> list[tuple[Term, str | None]]:
+def eligible(axis: Axis, balance: TorqueBalance) -> list[tuple[Term, str | None]]:
     """Effects that could be missing, with the recorded signal each would act through."""
-    data, law = balance.data, axis.friction.term
-    names = {p.name for p in law.parameters}
-    bristles = law.states != 0 or any(e.term.id == "presliding" for e in axis.effects)
-    present = {(e.term.id, e.signal) for e in axis.effects}
+    data = balance.data
+    present = {kind_of(item) for item in axis.effects}
     result: list[tuple[Term, str | None]] = []
     for term in effects().values():
         if (
             term.tabulated
             or (term.rotary and axis.kind != "rotary")
             or (term.temperature and not data.temperature)
+            or _redundant(term, axis)
         ):
             continue
-        if (term.id == "stribeck" and "static" in names) or (term.id == "presliding" and bristles):
-            continue
         if term.signals:
-            result += [(term, s) for s in data.names if _fits(term.id, s) and (term.id, s) not in present]
-        elif term.periodic or (term.id, None) not in present:
+            signals = [name for name in data.names if term.suits(name)]
+            result += [(term, name) for name in signals if Kind(term.id, name) not in present]
+        elif term.periodic or Kind(term.id) not in present:
             result.append((term, None))
     return result
 
 
-def _fits(term: str, name: str) -> bool:
-    """Wind torque wants a wind; another axis' acceleration wants anything else; plain signals are always possible."""
-    windy = any(word in name.lower() for word in ("wind", "gust", "anemo"))
-    return {"wind_torque": windy, "cross_axis_coupling": not windy}.get(term, True)
+def _redundant(term: Term, axis: Axis) -> bool:
+    """Whether an effect completes the friction law by parts that the axis has already."""
+    return bool(term.features) and term.features <= axis.features
 
 
-def starts(background: Background, term: Term, signal_name: str | None) -> list[Start]:
+def all_starts(projected: ProjectedResidual, excluded: frozenset[str] = frozenset()) -> list[Start]:
+    """Starts of every effect that could be missing and is not excluded, best promise first."""
+    terms = [pair for pair in eligible(projected.axis, projected.balance) if pair[0].id not in excluded]
+    found = side_by_side(lambda pair: starts(projected, *pair), terms)
+    return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.promise)
+
+
+def starts(projected: ProjectedResidual, term: Term, signal_name: str | None) -> list[Start]:
     """Promising starts for one effect, best first; more than one where the search has several peaks."""
-    view = survey(background.balance, background.axis)
+    view = survey(projected.balance, projected.axis)
     if term.periodic:
-        return _periodic_starts(background, term, view)
+        return _periodic_starts(projected, term, view)
     scans = list(term.scan(view))
-    looks = float(len(scans))
+    alternatives = float(len(scans))
     linear = [p for p in term.parameters if p.role is Role.LINEAR]
-    if term.local:
-        looks *= view.span / min(scan["width"] for scan in scans)
-        scans = local_scans(background, scans, term)
+    if term.local is not None:
+        alternatives *= view.span / min(scan[term.local.width] for scan in scans)
+        scans = local_scans(projected, scans, term, term.local)
     judge = _judge_linear if linear else _judge_directly
-    judged = side_by_side(lambda values: judge(background, term, values, signal_name, looks), scans)
+    judged = side_by_side(lambda values: judge(projected, term, values, signal_name, alternatives), scans)
     found = sorted((s for s in judged if s is not None and s.gain > 0.0), key=lambda s: -s.gain)
-    if term.jagged:
-        found = _peaks(found)
-    return found[:2]
+    return (_peaks(found) if term.discontinuous else found)[:STARTS]
 
 
 def _peaks(found: Sequence[Start]) -> list[Start]:
@@ -114,17 +137,17 @@ def _peaks(found: Sequence[Start]) -> list[Start]:
     return sorted(inner, key=lambda s: -s.gain)
 
 
-def climbed(background: Background, start: Start) -> Start:
-    """A jagged effect's start after a pattern search over its shape: CLIMBS rounds, steps from CLIMB_FROM down (log units)."""
+def pattern_search(projected: ProjectedResidual, start: Start) -> Start:
+    """The start of an effect whose torque jumps with its shape, after a pattern search over the shape; others as they are."""
     term, signal_name = start.instance.term, start.instance.signal
-    if not term.jagged or len(start.instances) > 1:
+    if not term.discontinuous or len(start.instances) > 1:
         return start
     names = [p.name for p in term.parameters if p.role is Role.SHAPE]
-    step = CLIMB_FROM
-    for _ in range(CLIMBS):
+    step = FIRST_STEP
+    for _ in range(PATTERN_ROUNDS):
         shape = {name: start.instance.values[name] for name in names}
         moves = [shape | {name: shape[name] * math.exp(way * step)} for name in names for way in (1, -1)]
-        tried = [_judge_linear(background, term, moved, signal_name, start.looks) for moved in moves]
+        tried = [_judge_linear(projected, term, moved, signal_name, start.alternatives) for moved in moves]
         best = max((s for s in tried if s is not None), key=lambda s: s.gain, default=start)
         if best.gain > start.gain:
             start = best
@@ -134,13 +157,18 @@ def climbed(background: Background, start: Start) -> Start:
 
 
 def _judge_linear(
-    background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
+    projected: ProjectedResidual,
+    term: Term,
+    shape: Mapping[str, float],
+    signal_name: str | None,
+    alternatives: float,
 ) -> Start | None:
-    items = probe(term, values, signal_name, 1.0)
-    start = _judged(background, term, values, signal_name, looks, background.columns(items))
+    """The start with the best amplitudes for values of the shape."""
+    columns = projected.columns(probes(term, shape, signal_name))
+    start = _with_best_amplitudes(projected, term, shape, signal_name, alternatives, columns)
     if start is None or not follows_load(term):
         return start
-    return replace(start, gain=min(start.gain, gain_by_motion(background, start.instance)))
+    return replace(start, gain=min(start.gain, gain_by_load_from_motion(projected, start.instance)))
 
 
 def follows_load(term: Term) -> bool:
@@ -148,181 +176,191 @@ def follows_load(term: Term) -> bool:
     return term.place is Place.SCALE and "torque" in term.reads
 
 
-def gain_by_motion(background: Background, item: Instance) -> float:
-    """Gain of friction that follows the load when its column is made from the motion: noise of the logged torque gives none."""
-    column = background.project(background.balance.whiten(background.column_by_motion(item)))
-    gain, amplitudes = background.gain(column[:, None])
-    return gain if amplitudes[0] > 0.0 else 0.0
+def gain_by_load_from_motion(projected: ProjectedResidual, item: Instance) -> float:
+    """Gain of friction that follows the load when the load is taken from the motion: noise of the logged torque gives none."""
+    column = projected.project(projected.noise.whiten(projected.change_by_load_from_motion(item)))
+    gain, sizes = projected.gain(column[:, None])
+    return gain if sizes[0] > 0.0 else 0.0
 
 
-def _judged(
-    background: Background,
+def _with_best_amplitudes(
+    projected: ProjectedResidual,
     term: Term,
-    values: Mapping[str, float],
+    shape: Mapping[str, float],
     signal_name: str | None,
-    looks: float,
+    alternatives: float,
     columns: np.ndarray,
 ) -> Start | None:
-    """The start with the best amplitudes for the probes' columns (rows, k)."""
+    """The start with the best amplitudes for the probes' columns (m, k); None where they do nothing or cannot be."""
     norms = np.linalg.norm(columns, axis=0)
     keep = norms > 1e-9 * max(float(norms.max()), 1e-300)
     if not keep.any() or norms.max() == 0.0:
         return None
-    gain, amplitudes = background.gain(columns[:, keep] / norms[keep])
-    full = np.zeros(len(norms))
-    full[keep] = amplitudes / norms[keep]
-    if _impossible(term, full):
+    gain, sizes = projected.gain(columns[:, keep] / norms[keep])
+    multiples = np.zeros(len(norms))
+    multiples[keep] = sizes / norms[keep]
+    if _forbidden_sign(term, multiples):
         return None
-    item = _with_amplitudes(term, values, signal_name, full)
-    return Start((item,), gain, int(keep.sum()) + len(values), looks, _thrifty(columns[:, keep] / norms[keep]))
+    item = _with_multiples(term, shape, signal_name, multiples)
+    kept = _single_precision(columns[:, keep] / norms[keep])
+    return Start((item,), gain, int(keep.sum()) + len(shape), alternatives, kept)
 
 
-def _thrifty(columns: np.ndarray) -> np.ndarray:
-    """Columns to be kept, in single precision."""
+def _single_precision(columns: np.ndarray) -> np.ndarray:
+    """Columns to be kept while all hypotheses are compared: half the memory, and gains need no more."""
     return columns.astype(np.float32)
 
 
-def _impossible(term: Term, amplitudes: np.ndarray) -> bool:
+def _forbidden_sign(term: Term, multiples: np.ndarray) -> bool:
     """Whether the effect's only linear number has a sign that its declaration forbids."""
-    linear = [p for p, phase in pairs(term.parameters) if p.role is Role.LINEAR and phase is None]
-    return len(linear) == len(amplitudes) == 1 and linear[0].lower == 0.0 and amplitudes[0] <= 0.0
+    linear = [p for p, phase in amplitudes(term.parameters) if p.role is Role.LINEAR and phase is None]
+    return len(linear) == len(multiples) == 1 and linear[0].lower == 0.0 and multiples[0] <= 0.0
 
 
-def _with_amplitudes(
-    term: Term, values: Mapping[str, float], signal_name: str | None, amplitudes: np.ndarray
+def _with_multiples(
+    term: Term, shape: Mapping[str, float], signal_name: str | None, multiples: np.ndarray
 ) -> Instance:
     """The instance whose linear numbers are the probes' multiples."""
-    chosen, numbers = dict(values), iter(amplitudes)
-    for p, phase in pairs(term.parameters):
-        if p.role is not Role.LINEAR:
+    values, numbers = dict(shape), iter(multiples)
+    for parameter, phase in amplitudes(term.parameters):
+        if parameter.role is not Role.LINEAR:
             continue
-        value = next(numbers) * unit_size(p.unit)
+        value = next(numbers) * small_amplitude(parameter.unit)
         if phase is not None:
-            other = next(numbers) * unit_size(p.unit)
-            chosen[phase.name] = math.atan2(other, value) % (2.0 * math.pi)
-            value = math.hypot(value, other)
-        chosen[p.name] = min(max(value, p.lower), p.upper)
-    return instance(term, chosen, signal=signal_name)
+            sine = next(numbers) * small_amplitude(parameter.unit)
+            values[phase.name] = math.atan2(sine, value) % (2.0 * math.pi)
+            value = math.hypot(value, sine)
+        values[parameter.name] = min(max(value, parameter.lower), parameter.upper)
+    return instance(term, values, signal=signal_name)
 
 
 def _judge_directly(
-    background: Background, term: Term, values: Mapping[str, float], signal_name: str | None, looks: float
+    projected: ProjectedResidual,
+    term: Term,
+    values: Mapping[str, float],
+    signal_name: str | None,
+    alternatives: float,
 ) -> Start | None:
+    """The start of an effect without an amplitude, by the residual that it leaves."""
     item = instance(term, values, signal=signal_name)
-    column = background.swung(item) if term.swings else background.column(item)
-    changed = background.project(background.balance.whiten(background.residual + column))
-    gain = background.squares - float(changed @ changed)
-    return Start((item,), gain, len(values), looks, np.empty((len(changed), 0)))
+    change = projected.change_by_body(item) if term.resonates else projected.change(item)
+    left = projected.project(projected.noise.whiten(projected.residual + change))
+    gain = projected.squares - float(left @ left)
+    return Start((item,), gain, len(values), alternatives, np.empty((len(left), 0)))
 
 
-def _periodic_starts(background: Background, term: Term, view: Survey) -> list[Start]:
-    grid, score, looks = spectrum(background, term, view)
+def _periodic_starts(projected: ProjectedResidual, term: Term, view: Survey) -> list[Start]:
+    """Starts at the highest peaks of a spectrum, and at orders of which these are harmonics."""
+    grid, gain, alternatives = order_spectrum(projected, term, view)
     if not len(grid):
         return []
-    name = term.parameters[0].name
     in_time = term.periodic == "time"
-    spread = excess(background, term, view, grid, score) if in_time else np.ones(len(score))
-    tries: list[int] = []
-    spacing = 3
-    for index in np.argsort(score / spread)[::-1]:
-        if all(abs(int(index) - other) > spacing for other in tries):
-            tries.append(int(index))
-        if len(tries) == PEAKS:
-            break
+    excess = noise_excess(projected, term, view, grid, gain) if in_time else np.ones(len(gain))
     found: list[Start] = []
-    for index in tries:
-        order = float(grid[index])
-        harmonics = max(1, sum(p.role is Role.PHASE for p in term.parameters)) if not found else 1
+    for index in _highest_peaks(gain / excess):
+        harmonics = max(1, len(term.harmonics)) if not found else 1
         own: Start | None = None
-        for fundamental in (order / m for m in range(1, harmonics + 1)):
-            values = {name: fundamental}
-            wave = probe(term, values, None, 1.0)
-            known = (same_wave(background.balance, background.axis, wave[0], item) for item in background.axis.effects)
-            if fundamental < grid[0] or any(known):
-                continue
-            columns = background.columns(wave)
-            start = _judged(background, term, values, None, looks, columns)
+        for divisor in range(1, harmonics + 1):
+            order = float(grid[index]) / divisor
+            start = None if order < grid[0] else _wave_start(projected, term, order, alternatives)
             if start is None:
                 continue
-            start = replace(_pruned(background, start, columns), excess=float(spread[index]))
-            if own is None or (start.gain > (1.0 + SUBMULTIPLE) * own.gain and _leads(start.instance)):
+            start = replace(start, noise_excess=float(excess[index]))
+            if own is None or (start.gain > (1.0 + FUNDAMENTAL_GAIN) * own.gain and _leads(start.instance)):
                 found.append(start)
             own = own or start
-    return sorted(found, key=lambda start: 12.0 * start.count - start.gain / start.excess)[:2]
+    return sorted(found, key=lambda start: GAIN_PER_NUMBER * start.count - start.promise)[:STARTS]
+
+
+def _highest_peaks(gain: np.ndarray) -> list[int]:
+    """Indices of the highest peaks of a spectrum, highest first."""
+    peaks: list[int] = []
+    for index in np.argsort(gain)[::-1]:
+        if all(abs(int(index) - other) > PEAK_SPACING for other in peaks):
+            peaks.append(int(index))
+        if len(peaks) == PEAKS:
+            break
+    return peaks
+
+
+def _wave_start(
+    projected: ProjectedResidual, term: Term, order: float, alternatives: float
+) -> Start | None:
+    """The start of a wave of this order, None where the axis has that wave."""
+    values = {term.order.name: order}
+    wave = probes(term, values, None)
+    present = (same_wave(projected.balance, projected.axis, wave[0], item) for item in projected.axis.effects)
+    if any(present):
+        return None
+    columns = projected.columns(wave)
+    start = _with_best_amplitudes(projected, term, values, None, alternatives, columns)
+    return None if start is None else _without_idle_harmonics(projected, start, columns)
 
 
 def _leads(item: Instance) -> bool:
-    """Whether the first amplitude of an effect is no less than LEADING of its largest one: its harmonics are harmonics."""
-    sizes = [item.values[p.name] for p, phase in pairs(item.term.parameters) if phase is not None]
-    return sizes[0] >= LEADING * max(sizes)
+    """Whether the first amplitude of an effect is large enough beside its largest for its harmonics to be harmonics."""
+    sizes = [item.values[harmonic.amplitude.name] for harmonic in item.term.harmonics]
+    return sizes[0] >= FUNDAMENTAL_SIZE * max(sizes)
 
 
-def _pruned(background: Background, start: Start, columns: np.ndarray) -> Start:
-    """Without harmonics that do not earn their two numbers; `columns` (rows, k) of all probes."""
-    values = dict(start.instance.values)
+def _without_idle_harmonics(projected: ProjectedResidual, start: Start, columns: np.ndarray) -> Start:
+    """The start without harmonics that do not earn their two numbers (BIC); `columns` (m, k) of all probes."""
     term = start.instance.term
-    names = [
-        (p.name, phase.name)
-        for p, phase in pairs(term.parameters)
-        if p.role is Role.LINEAR and phase is not None
-    ]
-    if len(names) == 1:
+    waves = term.harmonics
+    if len(waves) == 1:
         return start
-    shape = {p.name: values[p.name] for p in term.parameters if p.role is Role.SHAPE}
-    kept = list(range(len(names)))
-    need = 2.0 * math.log(max(len(background.white), 2)) * dispersion(background)
+    shape = {p.name: start.instance.values[p.name] for p in term.parameters if p.role is Role.SHAPE}
+    kept = list(range(len(waves)))
+    needed = 2.0 * math.log(max(len(projected.white), 2)) * projected.dispersion
     while len(kept) > 1:
-        gain, _ = background.gain(columns[:, [c for k in kept for c in (2 * k, 2 * k + 1)]])
-        losses = []
-        for k in kept:
-            rest = [c for j in kept if j != k for c in (2 * j, 2 * j + 1)]
-            losses.append(gain - background.gain(columns[:, rest])[0])
+        gain, _ = projected.gain(columns[:, _pairs(kept)])
+        losses = [gain - projected.gain(columns[:, _pairs([j for j in kept if j != k])])[0] for k in kept]
         weakest = int(np.argmin(losses))
-        if losses[weakest] > need:
+        if losses[weakest] > needed:
             break
         kept.pop(weakest)
-    chosen = [c for k in kept for c in (2 * k, 2 * k + 1)]
-    gain, some = background.gain(columns[:, chosen])
-    amplitudes = np.zeros(2 * len(names))
-    amplitudes[chosen] = some
-    item = _with_amplitudes(term, shape, start.instance.signal, amplitudes)
-    return Start((item,), gain, 2 * len(kept) + 1, start.looks, _thrifty(columns[:, chosen]))
+    gain, sizes = projected.gain(columns[:, _pairs(kept)])
+    multiples = np.zeros(2 * len(waves))
+    multiples[_pairs(kept)] = sizes
+    item = _with_multiples(term, shape, start.instance.signal, multiples)
+    kept_columns = _single_precision(columns[:, _pairs(kept)])
+    return Start((item,), gain, 2 * len(kept) + 1, start.alternatives, kept_columns)
 
 
-def dispersion(background: Background) -> float:
-    """Whitened squares per effective sample, at least one: how much larger than its estimate the noise is."""
-    return max(1.0, background.squares / background.balance.effective_count)
+def _pairs(waves: Sequence[int]) -> list[int]:
+    """Columns of the cosine and sine of some waves."""
+    return [column for k in waves for column in (2 * k, 2 * k + 1)]
 
 
-def all_starts(background: Background, barred: frozenset[str] = frozenset()) -> list[Start]:
-    """Starts of every effect that could be missing, best promise first."""
-    terms = [(t, name) for t, name in eligible(background.axis, background.balance) if t.id not in barred]
-    found = side_by_side(lambda pair: starts(background, *pair), terms)
-    return sorted(itertools.chain.from_iterable(found), key=lambda start: -start.gain / start.excess)
-
-
-def together(background: Background, found: Sequence[Start]) -> list[Start]:
+def pairs_of_starts(projected: ProjectedResidual, found: Sequence[Start]) -> list[Start]:
     """Pairs of starts that promise more together than the two apart, best first.
 
     Two effects may hide each other: a bias and an imbalance over a short travel, say. One at a time, neither shows.
     """
-    linear = list({start.name: start for start in reversed(found) if start.columns.shape[1]}.values())
+    linear = list({start.kinds: start for start in reversed(found) if start.columns.shape[1]}.values())
     ends = np.cumsum([0, *(start.columns.shape[1] for start in linear)])
     columns = [start.columns for start in linear]
-    white = background.white.astype(np.float32)
+    white = projected.white.astype(np.float32)
     gram = np.block([[a.T @ b for b in columns] for a in columns]) if linear else np.empty((0, 0))
     scores = np.concatenate([a.T @ white for a in columns]) if linear else np.empty(0)
-    looks = math.comb(max(len(linear), 2), 2)
+    number = math.comb(max(len(linear), 2), 2)
     result = []
     for i, j in itertools.combinations(range(len(linear)), 2):
         one, two = linear[i], linear[j]
         if one.instance.term is two.instance.term:
             continue
         both = [*range(ends[i], ends[i + 1]), *range(ends[j], ends[j + 1])]
-        amplitudes = np.linalg.lstsq(gram[np.ix_(both, both)], -scores[both], rcond=1e-8)[0]
-        gain = float(-scores[both] @ amplitudes)
+        sizes = np.linalg.lstsq(gram[np.ix_(both, both)], -scores[both], rcond=1e-8)[0]
+        gain = float(-scores[both] @ sizes)
         if gain > one.gain + two.gain:
-            excess, count = max(one.excess, two.excess), one.count + two.count
-            items = one.instances + two.instances
-            result.append(Start(items, gain, count, looks * one.looks * two.looks, np.empty((0, 0)), excess))
-    return sorted(result, key=lambda start: -start.gain / start.excess)
+            result.append(
+                Start(
+                    one.instances + two.instances,
+                    gain,
+                    one.count + two.count,
+                    number * one.alternatives * two.alternatives,
+                    np.empty((0, 0)),
+                    max(one.noise_excess, two.noise_excess),
+                )
+            )
+    return sorted(result, key=lambda start: -start.promise)

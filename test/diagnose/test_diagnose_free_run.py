@@ -7,25 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from proof_cases import axis, conditioned, item, recorded
+from open_loop_cases import axis, conditioned, item, recorded
 
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
-from tcs_friction.diagnose.fit.balance import Balance, rms
+from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.outcome.free_run import free_run, usable_horizon
 from tcs_friction.physics.terms import Instance
 
 
 @pytest.fixture(scope="module")
-def plain() -> Conditioned:
+def plain() -> DataSet:
     return conditioned(recorded(axis()))
 
 
-def test_the_right_model_follows_the_motion(plain: Conditioned) -> None:
+def test_the_right_model_follows_the_motion(plain: DataSet) -> None:
     """The start's velocity noise times the horizon bounds the error, a few times over for smoothing at reversals."""
     assert free_run(plain, axis()) < 1e-4 * np.ptp(plain.joined("position"))
 
 
-def test_wrong_parameters_leave_it(plain: Conditioned) -> None:
+def test_wrong_parameters_leave_it(plain: DataSet) -> None:
     right = free_run(plain, axis())
     assert free_run(plain, axis().with_friction({"coulomb": 70.0, "static": 100.0})) > 10.0 * right
     assert free_run(plain, replace(axis(), inertia=1050.0)) > 10.0 * right
@@ -51,12 +51,12 @@ def test_what_terms_remember_is_carried_into_the_windows(effect: Instance) -> No
     assert free_run(data, axis(effect)) < 0.3 * free_run(data, axis())
 
 
-def test_a_longer_horizon_strays_further(plain: Conditioned) -> None:
+def test_a_longer_horizon_strays_further(plain: DataSet) -> None:
     wrong = axis().with_friction({"coulomb": 70.0, "static": 100.0})
     assert free_run(plain, wrong, 0.25) < 0.5 * free_run(plain, wrong, 1.0)
 
 
-def test_a_model_that_runs_away_has_a_number(plain: Conditioned) -> None:
+def test_a_model_that_runs_away_has_a_number(plain: DataSet) -> None:
     runaway = axis(item("cable_wrap", stiffness=-1e6))
     error = free_run(plain, runaway)
     assert math.isfinite(error)
@@ -71,12 +71,12 @@ def test_the_horizon_shrinks_to_what_is_held_out() -> None:
 
 
 def test_without_held_out_data_nothing_is_claimed() -> None:
-    data = condition([recorded(axis(), duration=8.0)], held_out=False)
+    data = prepare([recorded(axis(), duration=8.0)], held_out=False)
     assert usable_horizon(data) == 0.0
     assert free_run(data, axis()) == 0.0
 
 
-def test_training_data_do_not_matter(plain: Conditioned) -> None:
+def test_training_data_do_not_matter(plain: DataSet) -> None:
     """Windows lie in held-out data only: torque changed far behind the last of them changes nothing."""
     (s,) = plain.stretches
     last = int(np.flatnonzero(s.held_out)[-1]) * plain.stride
@@ -84,17 +84,3 @@ def test_training_data_do_not_matter(plain: Conditioned) -> None:
     torque[last + 1 :] += 1e3
     changed = replace(plain, stretches=(replace(s, torque=torque),))
     assert free_run(changed, axis()) == free_run(plain, axis())
-
-
-def test_noise_that_a_mode_amplifies_counts_as_much_as_without_it() -> None:
-    """At the antiresonance the encoder's noise is most of the torque that the motion requires."""
-    true = axis(item("flexible_mode", frequency=20.0, damping=0.03, inertia_ratio=0.3))
-    balance = Balance(conditioned(recorded(true)))
-    assert np.allclose(balance.residual(true), balance.torque_residual(true))  # no noise is known yet
-    balance.weigh(true)
-    balance.weigh(true)
-    assert balance.noise_floor(true) == pytest.approx(rms(balance.residual(true)[balance.train]), rel=0.12)
-    gain = balance.noise_gain(true, np.array([0.0, 20.0 * np.sqrt(0.7), 20.0]))
-    assert gain[0] == pytest.approx(1.0)
-    assert gain[1] > 2.5 > 1.0 > gain[2]
-    assert np.array_equal(balance.residual(axis()), balance.torque_residual(axis()))

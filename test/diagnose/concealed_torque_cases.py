@@ -1,4 +1,4 @@
-"""Motion, noise and concealed torques for tests of what locates a residual: fast, without a simulation."""
+"""Data sets with a given motion, coloured torque noise and a concealed torque: fast, without a simulation."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned, Stretch
-from tcs_friction.diagnose.fit.balance import Balance, Fit
+from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import Fit, least_squares, settle, under
+from tcs_friction.diagnose.fit.noise import NoiseModel, white_noise
+from tcs_friction.diagnose.fit.noise_estimate import with_spectrum
 from tcs_friction.diagnose.fit.parameters import free_parameters
+from tcs_friction.diagnose.search.stepwise import Selection, select_effects
+from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance
@@ -47,7 +52,7 @@ def conditioned(
     torque: Torque | None = None,
     seconds: float = 300.0,
     speed: float | None = None,
-) -> Conditioned:
+) -> DataSet:
     """An axis that sweeps at several speeds, with noise and a concealed opposing torque; every fourth block held out.
 
     speed: rad/s, at which it goes to and fro instead, for 5 s each way, every third time at a fiftieth of it.
@@ -76,7 +81,7 @@ def conditioned(
         held_out=held_out,
         piece=block,
     )
-    return Conditioned(
+    return DataSet(
         stretches=(stretch,),
         period=DT,
         dt=DT,
@@ -91,10 +96,23 @@ def conditioned(
     )
 
 
-def settled(data: Conditioned) -> tuple[Balance, Fit]:
-    """The balance with its noise estimate and the believed axis refitted."""
-    balance = Balance(data)
-    balance.estimate_noise(balance.residual(axis()))
-    fit = balance.fit(axis(), free_parameters(axis(), 1.0))
-    balance.estimate_noise(balance.residual(fit.axis))
-    return balance, fit
+def settled(data: DataSet) -> tuple[TorqueBalance, Fit]:
+    """The balance, and the believed axis refitted with the noise spectrum that it leaves."""
+    balance = TorqueBalance(data)
+    noise = white_noise(balance.samples)
+    noise = with_spectrum(balance, noise, balance.residual(axis(), noise))
+    free = free_parameters(axis())
+    fit = least_squares(balance, axis(), free, noise, np.full(len(free), np.inf))
+    return balance, under(balance, fit, with_spectrum(balance, noise, balance.residual(fit.axis, noise)))
+
+
+def unfitted(balance: TorqueBalance, model: Axis, noise: NoiseModel) -> Fit:
+    """An axis as it is, as if it had been fitted."""
+    free = tuple(balance.free(model))
+    return Fit(model, free, np.eye(len(free)), balance.squares(model, noise), Outcome.CONVERGED)
+
+
+def selected(balance: TorqueBalance, excluded: frozenset[str] = frozenset()) -> Selection:
+    """The effects that the search adds to the believed axis, some excluded."""
+    retuned = settle(balance, axis(), white_noise(balance.samples))
+    return select_effects(balance, retuned, axis(), excluded, enough=lambda _: False, progress=lambda *_: None)

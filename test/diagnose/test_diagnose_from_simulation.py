@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from proof_cases import LUGRE, axis, recorded
+from open_loop_cases import LUGRE, axis, recorded
 
 from tcs_friction.diagnose.from_simulation import believed_from_simulation, signals_of
 from tcs_friction.errors import InputError

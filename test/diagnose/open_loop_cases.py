@@ -1,4 +1,4 @@
-"""A small axis, and what a recorder would have noted of it, for tests of what a diagnosis stands on."""
+"""A small axis driven by a torque without a controller, and what a recorder would have noted of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.preprocessing import Conditioned, condition
+from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.simulate import simulate_open_loop
@@ -52,5 +53,5 @@ def scaled(r: Recording, position: float = 1.0, torque: float = 1.0) -> Recordin
     return replace(r, position=r.position * position, torque=r.torque * torque)
 
 
-def conditioned(r: Recording) -> Conditioned:
-    return condition([r])
+def conditioned(r: Recording) -> DataSet:
+    return prepare([r])

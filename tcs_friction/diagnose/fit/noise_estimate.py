@@ -1,0 +1,155 @@
+"""Estimates the noise model from the residual of an axis.
+
+In: an axis and the noise model so far. Out: a new one. Three things are estimated one after the other:
+
+1. the spectrum: a median of periodograms over blocks of time and over neighbouring frequencies, of the residual less its
+   repeatable part, so that neither bursts nor lines (which may be the physics that is looked for) count as noise;
+2. changes of level: seconds in which the whitened residual is louder than usual weigh less;
+3. the bias of the inertia by noise in the acceleration (`errors_in_variables`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import fft, ndimage, signal
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias, attenuation_bias
+from tcs_friction.diagnose.fit.noise import ComparedSamples, NoiseModel, whitening_filter
+from tcs_friction.diagnose.fit.parameters import INERTIA
+from tcs_friction.physics.axis import Axis
+
+MOST_FROM_ENCODER = 0.9  # of the noise power at a frequency: the drive always adds a little
+MEDIAN_OF_CHI_SQUARED = math.log(2.0)  # of two degrees of freedom, over its mean: median of a periodogram
+BLOCKS_WANTED = 24.0  # of the periodogram: their median scatters by 0.3 before neighbouring frequencies are joined
+BLOCK_EXPONENTS = (5, 10)  # blocks of 32 to 1024 samples
+SMOOTHED_SHARE = 32  # the median over frequencies spans this part of the spectrum
+LEAST_POWER = 1e-12  # of the largest: a spectrum must not vanish
+LEVEL_SECONDS = 1.0  # over which the noise level may change
+SHORTEST_LEVEL_WINDOW = 8  # samples
+LOUDEST_NOISE = 4.0  # times the usual power; what is louder is missing physics and keeps its weight
+USUAL_DEVIATIONS = 3.0  # standard deviations of a level estimate that count as usual
+
+
+def estimated(balance: TorqueBalance, axis: Axis, noise: NoiseModel) -> NoiseModel:
+    """The noise model of an axis' residual; that residual is taken under the model so far."""
+    residual = balance.residual(axis, noise)
+    noise = with_spectrum(balance, noise, residual, axis.inertia)
+    noise = replace(noise, local_weight=_local_weight(noise, residual))
+    return replace(noise, bias=_bias(balance, axis, noise, residual))
+
+
+def with_spectrum(
+    balance: TorqueBalance, noise: NoiseModel, residual: np.ndarray, inertia: float | None = None
+) -> NoiseModel:
+    """The model with the spectrum of a residual (n,), and with the axis' inertia the share of the encoder in it."""
+    samples, data = noise.samples, balance.data
+    frequency, power = noise_spectrum(balance, residual)
+    share = noise.encoder_share
+    if inertia is not None:
+        encoder = 2.0 * data.period * data.position_noise**2  # rad^2/Hz, one-sided
+        share = (inertia * (2.0 * math.pi * frequency) ** 2) ** 2 * encoder / power
+        share = np.minimum(share, MOST_FROM_ENCODER)
+    inside = frequency <= samples.cutoff
+    power = np.where(inside, power, power[inside].max())  # what the low pass took away is no lack of noise
+    half = samples.half_length
+    count = 2 * max(2 * half, len(frequency))
+    even = np.linspace(0.0, frequency[-1], count // 2 + 1)
+    response = np.sqrt(2.0 * samples.dt / np.interp(even, frequency, power))
+    window = signal.get_window("hann", 2 * half + 3, fftbins=False)[1:-1]
+
+    def weights(gain: np.ndarray) -> np.ndarray:
+        return np.asarray(window * np.roll(np.fft.irfft(gain, count), half)[: 2 * half + 1])
+
+    changed = replace(noise, encoder_share=share)
+    drive = response * (1.0 - changed.encoder_share_at(even))
+    return replace(
+        changed,
+        whitening=whitening_filter(weights(response), samples),
+        drive_whitening=whitening_filter(weights(drive), samples),
+    )
+
+
+def noise_spectrum(balance: TorqueBalance, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (f,), Hz, and robust one-sided power density (f,), N^2 m^2/Hz, of a residual (n,) less its repeatable part.
+
+    Train data only.
+    """
+    samples = balance.samples
+    residual = balance.repeatable.remove(residual)
+    frequency, (blocks,) = _periodograms(samples, [residual])
+    if not len(blocks):
+        even = np.linspace(0.0, 0.5 / samples.dt, 17)
+        return even, np.full(17, 2.0 * samples.dt * np.var(residual[samples.train]))
+    power = 2.0 * samples.dt * np.median(np.abs(blocks) ** 2, axis=0) / MEDIAN_OF_CHI_SQUARED
+    power[0] = power[1]  # the blocks' means were taken away
+    width = max(3, (len(frequency) - 1) // SMOOTHED_SHARE * 2 + 1)
+    power = ndimage.median_filter(power, width, mode="reflect")
+    return frequency, np.maximum(power, LEAST_POWER * power.max())
+
+
+def noise_floor(balance: TorqueBalance, residual: np.ndarray) -> float:
+    """N m rms of the noise in a residual (n,): the integral of its robust spectrum."""
+    frequency, power = noise_spectrum(balance, residual)
+    return math.sqrt(float(np.trapezoid(power, frequency)))
+
+
+def misfit(balance: TorqueBalance, residual: np.ndarray) -> float:
+    """Power of a residual (n,) over that of its noise, at least one: how far a model is from the best that could be known."""
+    floor = noise_floor(balance, residual)
+    return max(1.0, float(np.mean(residual[balance.train] ** 2)) / max(floor**2, 1e-300))
+
+
+def _periodograms(
+    samples: ComparedSamples, series: Sequence[np.ndarray]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Frequencies (f,), Hz, and spectra (blocks, f) of windowed train data of series (n,); of white noise its deviation."""
+    lowest, highest = BLOCK_EXPONENTS
+    length = 1 << max(lowest, min(highest, int(math.log2(max(len(samples.rows) / BLOCKS_WANTED, 1 << lowest)))))
+    window = signal.get_window("hann", length)
+    window /= math.sqrt(np.sum(window**2))
+    begins = [
+        begin
+        for s in samples.stretches
+        for begin in range(s.start, s.stop - length + 1, length // 2)
+        if samples.train[begin : begin + length].all()
+    ]
+    spectra = []
+    for x in series:
+        pieces = np.stack([x[begin : begin + length] for begin in begins]) if begins else np.empty((0, length))
+        spectra.append(fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)), axis=1))
+    return np.fft.rfftfreq(length, samples.dt), spectra
+
+
+def _local_weight(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
+    """1/variance (n,) of the whitened residual relative to the record's: a recording is quieter at rest than in a manoeuvre."""
+    samples = noise.samples
+    white = noise.whitening.apply(residual, samples)
+    window = max(SHORTEST_LEVEL_WINDOW, int(LEVEL_SECONDS / samples.dt))
+    power = np.concatenate(
+        [
+            ndimage.uniform_filter1d(white[s] ** 2, min(window, s.stop - s.start), mode="nearest")
+            for s in samples.stretches
+        ]
+    )
+    usual = float(np.median(power[samples.rows]))
+    independent = max(window * 2.0 * samples.cutoff * samples.dt, 1.0)
+    spread = 1.0 + USUAL_DEVIATIONS * math.sqrt(2.0 / independent)
+    return np.asarray(1.0 / np.clip(power / (usual * spread), 1.0, LOUDEST_NOISE))
+
+
+def _bias(balance: TorqueBalance, axis: Axis, noise: NoiseModel, residual: np.ndarray) -> AttenuationBias:
+    """What of the residual's noise is in the acceleration, too."""
+    inertial = -balance.jacobian(axis, [INERTIA], noise, residual)[:, 0]
+    white = [noise.on_all_samples(x) for x in (noise.whiten(residual), inertial)]
+    frequency, spectra = _periodograms(noise.samples, white)
+    inside = frequency < noise.samples.cutoff
+    in_residual, in_motion = (x[:, inside] for x in spectra)
+    driven, count = float(inertial @ inertial), len(noise.samples.rows) / len(frequency)
+    frequency = frequency[inside]
+    allowed = noise.encoder_share_at(frequency)
+    return attenuation_bias(axis, driven, frequency, in_residual, in_motion, count, allowed)

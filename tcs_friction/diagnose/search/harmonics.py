@@ -1,0 +1,70 @@
+"""Waves of one kind that belong together: a small wave at a multiple of another one's order is its harmonic.
+
+In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.noise_estimate import misfit
+from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance
+
+MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is its harmonic: a square wave's third has 1/3
+
+
+def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
+    """The fit in which a small wave at a multiple of another one's order is its harmonic, and none is there twice.
+
+    Where the two can be told apart, only if that explains as much. `base`: the axis whose effects stay as they are.
+    """
+    for one, other in itertools.permutations(added_effects(fit.axis, base), 2):
+        joined = _joined(balance, fit, one, other)
+        if joined is None:
+            continue
+        axis, apart = joined
+        trial = settle(balance, axis, fit.noise, rounds=1)
+        lost = trial.squares - balance.squares(fit.axis, trial.noise)
+        residual = balance.residual(trial.axis, trial.noise)
+        if not apart or lost < DISTINGUISHABLE * misfit(balance, residual):
+            return with_harmonics_joined(balance, trial, base)
+    return fit
+
+
+def added_effects(axis: Axis, base: Axis) -> tuple[Instance, ...]:
+    """The effects of an axis that another one does not have."""
+    known = {item.identity for item in base.effects}
+    return tuple(item for item in axis.effects if item.identity not in known)
+
+
+def _joined(balance: TorqueBalance, fit: Fit, one: Instance, other: Instance) -> tuple[Axis, bool] | None:
+    """The axis in which the second wave is a harmonic of the first, and whether data tell the two apart; None if it is none."""
+    if one.term is not other.term or one.term.periodic != "position":
+        return None
+    ratio, angle = other.order / one.order, wave_angle(balance, fit.axis, one.term)
+    parted = abs(ratio - round(ratio)) * one.order * float(np.ptp(angle))  # rad
+    waves = [(wave, phase) for wave, phase in one.term.harmonics if phase is not None]
+    if parted > 2.0 * math.pi or not 2 <= round(ratio) <= len(waves):
+        return None
+    amplitude, phase = waves[round(ratio) - 1]
+    first, first_phase = waves[0]
+    if one.values[amplitude.name] != 0.0:  # it is there twice
+        changed = one.replace(**{amplitude.name: 0.0, phase.name: 0.0})
+        effects = tuple(changed if item is one else item for item in fit.axis.effects)
+        return replace(fit.axis, effects=effects), parted >= 2.0 * math.pi * ONE_WAVE
+    active = [wave.name for wave, _ in waves if other.values[wave.name] != 0.0]
+    if active != [first.name] or other.values[first.name] >= MINOR * one.values[first.name]:
+        return None
+    numbers = {amplitude.name: other.values[first.name], phase.name: other.values[first_phase.name]}
+    changed = one.replace(**numbers)
+    rest = fit.axis.without_effect(other)
+    return replace(rest, effects=tuple(changed if item is one else item for item in rest.effects)), True

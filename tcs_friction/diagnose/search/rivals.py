@@ -1,0 +1,122 @@
+"""Rivals: which other effects these data cannot tell from one that was chosen.
+
+In: a selection. Out: the fit in which every effect is the best for its place, and for each effect its `Contest`: all rivals
+fitted in its place, best first. A rival takes the place where it does better, or as well through the same recorded signal
+with fewer numbers.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, settle
+from tcs_friction.diagnose.fit.noise_estimate import misfit
+from tcs_friction.diagnose.search.candidates import (
+    STILL_WINNING,
+    Candidate,
+    fitted_candidates,
+    squares_gained,
+)
+from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
+from tcs_friction.diagnose.search.hypotheses import Kind, Start, eligible, kind_of, starts
+from tcs_friction.diagnose.search.plausibility import doubtful_size
+from tcs_friction.diagnose.search.projection import ProjectedResidual
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, threshold
+from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
+from tcs_friction.physics.terms import Instance
+
+FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
+MOST_RIVALS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """One chosen effect against others in its place.
+
+    effect: its identity. kind: what it is. without: the fit without it. gain: its own, in units of the noise. same: difference of
+    gains below which two cannot be told apart. rivals: fitted in its place, best first.
+    """
+
+    effect: int
+    kind: Kind
+    without: Fit
+    gain: float
+    same: float
+    rivals: tuple[Candidate, ...]
+
+    @property
+    def equivalent(self) -> tuple[Candidate, ...]:
+        """Rivals of another kind that these data cannot tell from the effect, each kind once, best first."""
+        close = [rival for rival in self.rivals if rival.gain > self.gain - self.same]
+        first = {kind: rival for rival in reversed(close) for kind in rival.kinds if kind != self.kind}
+        return tuple(rival for rival in close if any(rival is chosen for chosen in first.values()))
+
+
+def contested(balance: TorqueBalance, selection: Selection, progress: Progress) -> tuple[Fit, tuple[Contest, ...]]:
+    """Let what was promising in any round compete for the place of every effect found."""
+    fit, contests = selection.chosen, list[Contest]()
+    for found in selection.found:
+        item = next(x for x in fit.axis.effects if x.identity == found.identity)
+        progress(0.8, f"rivals of {item.term.id}")
+        fit, contest = contest_for_place(balance, fit, item, _challengers(selection, fit, item))
+        contests.append(contest)
+    return fit, tuple(contests)
+
+
+def _challengers(selection: Selection, fit: Fit, item: Instance) -> list[Start]:
+    """Where rivals of an effect may start: candidates of the round that brought it, then of others, each effect once."""
+    own, present = kind_of(item), {kind_of(other) for other in fit.axis.effects}
+    rounds = sorted(selection.rounds, key=lambda candidates: all(own not in c.kinds for c in candidates))
+    best: dict[Kind, Start] = {}
+    for candidate in itertools.chain.from_iterable(rounds):
+        if len(candidate.items) > 1:
+            continue
+        (kind,), (rival,) = candidate.kinds, candidate.items
+        if kind not in present or (rival.term.periodic and kind != own):
+            best.setdefault(kind, replace(candidate.start, instances=(rival.again(),)))
+    return list(best.values())[:MOST_RIVALS]
+
+
+def contest_for_place(
+    balance: TorqueBalance, fit: Fit, item: Instance, challengers: Sequence[Start]
+) -> tuple[Fit, Contest]:
+    """Let rivals compete for one effect's place; the fit with the winner in it."""
+    alone = fit_without(balance, fit, item)
+    dispersion = fit.squares.dispersion
+    gain = squares_gained(balance, alone, fit, [item]) / dispersion
+    starting = [*challengers, *_through_the_same_signal(balance, alone, item, challengers)]
+    fitted = fitted_candidates(balance, alone, close_behind(starting), dispersion)
+    gains = {id(candidate.fit): candidate.gain for candidate in fitted}
+    confirmed = with_best_confirmed(balance, alone, fitted, dispersion)
+    rivals = [  # the effect in place had its own confirmation: gains are compared as fitted
+        replace(c, gain=gains[id(c.fit)]) if c.gain > STILL_WINNING * gains[id(c.fit)] else c for c in confirmed
+    ]
+    rivals.sort(key=lambda rival: -rival.score)
+    count = fit.numbers_of(item)
+    tie = max(DISTINGUISHABLE * misfit(balance, balance.residual(fit.axis, fit.noise)), IMPERFECT * gain)
+    same = max(tie, FEEDBACK_SHARE * gain)
+    better = [rival for rival in rivals[:1] if rival.score > gain - threshold(balance, [item.term], count) + same]
+    better += [r for r in rivals if r.items[0].signal and r.start.count < count and r.gain > gain - tie]
+    for winner in better[:1]:
+        settled = settle(balance, winner.fit.axis, winner.fit.noise, rounds=1)
+        (placed,) = (x for x in settled.axis.effects if x.identity == winner.items[0].identity)
+        if doubtful_size(balance, settled, placed) is None:
+            others = tuple(rival for rival in rivals if rival is not winner)
+            return settled, Contest(placed.identity, kind_of(placed), alone, winner.gain, same, others)
+    return fit, Contest(item.identity, kind_of(item), alone, gain, same, tuple(rivals))
+
+
+def _through_the_same_signal(
+    balance: TorqueBalance, alone: Fit, item: Instance, known: Sequence[Start]
+) -> list[Start]:
+    """Starts of effects not yet known that act through an effect's recorded signal: a general one hides its special cases."""
+    if item.signal is None:
+        return []
+    projected = ProjectedResidual(balance, alone)
+    others = [term for term, signal in eligible(alone.axis, balance) if signal == item.signal and term is not item.term]
+    found = [start for term in others for start in starts(projected, term, item.signal)[:1]]
+    kinds = {start.kinds for start in known}
+    return [start for start in found if start.kinds not in kinds]

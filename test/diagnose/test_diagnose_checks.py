@@ -1,0 +1,151 @@
+"""Recordings that cannot carry a torque balance are refused in one clear line, good ones never."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from open_loop_cases import LUGRE, PERIOD, axis, recorded, scaled
+
+from tcs_friction.config import load_axis
+from tcs_friction.diagnose.dataset.checks import check_units, plain_balance
+from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.errors import InputError
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def good() -> Recording:
+    return recorded(axis(), duration=20.0)
+
+
+def prepared(r: Recording) -> DataSet:
+    return prepare([r])
+
+
+def refused(r: Recording, match: str) -> None:
+    with pytest.raises(InputError, match=match) as caught:
+        prepare([r])
+    assert "\n" not in str(caught.value)
+
+
+def test_constant_position_is_refused(good: Recording) -> None:
+    refused(replace(good, position=np.zeros(len(good))), "never changes")
+
+
+def test_chatter_of_few_encoder_steps_is_refused(good: Recording) -> None:
+    chatter = np.random.default_rng(0).integers(0, 3, len(good)) * 1e-6
+    refused(replace(good, position=chatter), "only 3 values")
+
+
+@pytest.mark.parametrize("level", [0.0, 2.5])
+def test_constant_torque_is_refused(good: Recording, level: float) -> None:
+    refused(replace(good, torque=np.full(len(good), level)), "torque is constant")
+
+
+def test_too_short_is_refused(good: Recording) -> None:
+    refused(good.part(slice(0, 400)), "longest stretch")
+
+
+def test_gaps_that_leave_no_stretch_are_refused(good: Recording) -> None:
+    pieces = tuple(slice(a, a + 300) for a in range(0, 9000, 300))
+    refused(replace(good, segments=pieces), "longest stretch")
+
+
+def test_nan_never_becomes_a_recording(good: Recording) -> None:
+    position = good.position.copy()
+    position[17] = np.nan
+    with pytest.raises(InputError, match=r"position\[17\] is nan"):
+        replace(good, position=position)
+
+
+def test_velocity_in_degrees_is_refused(good: Recording) -> None:
+    velocity = np.gradient(good.position, PERIOD)
+    prepare([replace(good, velocity=velocity)])
+    refused(replace(good, velocity=np.degrees(velocity)), "degrees")
+
+
+def test_a_velocity_that_has_nothing_to_do_with_the_position_is_no_reason(good: Recording) -> None:
+    prepare([replace(good, velocity=np.random.default_rng(0).standard_normal(len(good)))])
+    prepare([replace(good, velocity=np.zeros(len(good)))])
+
+
+def test_a_velocity_in_other_units_than_degrees_gives_no_hint(good: Recording) -> None:
+    velocity = 10.0 * np.gradient(good.position, PERIOD)
+    with pytest.raises(InputError, match=r"0\.1 times as fast") as caught:
+        prepare([replace(good, velocity=velocity)])
+    assert "degrees" not in str(caught.value)
+
+
+def test_recordings_with_different_signals_are_refused(good: Recording) -> None:
+    windy = replace(good, exogenous={"wind": np.ones(len(good))})
+    with pytest.raises(InputError, match="other exogenous signals"):
+        prepare([windy, good])
+
+
+def test_short_pieces_are_left_out_and_said(good: Recording) -> None:
+    split = replace(good, segments=(slice(0, 300), slice(300, len(good))))
+    data = prepare([split])
+    assert len(data.stretches) == 1
+    assert data.notes[0] == "1 of 2 stretches between gaps are too short and left out"
+
+
+def test_position_in_degrees_is_refused_without_a_velocity(good: Recording) -> None:
+    for factor in (57.29578, 1.0 / 57.29578):
+        with pytest.raises(InputError, match="degrees"):
+            check_units(prepared(scaled(good, position=factor)), axis())
+
+
+def test_torque_of_the_wrong_sign_is_refused(good: Recording) -> None:
+    with pytest.raises(InputError, match="opposes every motion"):
+        check_units(prepared(scaled(good, torque=-1.0)), axis())
+
+
+@pytest.mark.parametrize("factor", [0.4, 0.7, 1.0, 1.5, 2.5])
+def test_a_wrong_guess_of_the_inertia_is_no_reason(good: Recording, factor: float) -> None:
+    check_units(prepared(good), replace(axis(), inertia=1000.0 * factor))
+
+
+@pytest.mark.parametrize("constant", [0.02, 0.3, 5.0, 60.0])
+def test_effort_in_ampere_is_no_reason(good: Recording, constant: float) -> None:
+    check_units(prepared(scaled(good, torque=constant)), axis())
+
+
+@pytest.mark.parametrize("name", ["emps", "laas_speed", "odrive_slow", "bam_sin_sin_kp200"])
+def test_real_recordings_are_not_refused(shared_data, name: str) -> None:  # type: ignore[no-untyped-def]
+    folder = shared_data / "data" / name
+    if not folder.is_dir():
+        pytest.skip(f"no recording {name}")
+    file = load_axis(folder / "axis.yaml")
+    assert file.signals is not None
+    check_units(prepare(read_recordings([folder / "recording"], file.signals)), file.axis)
+
+
+def test_a_linear_axis_in_millimetres_is_refused(good: Recording) -> None:
+    for factor, name in ((1e3, "mm"), (1e-3, "m where")):
+        with pytest.raises(InputError, match=name):
+            check_units(prepared(scaled(good, position=factor)), replace(axis(), kind="linear"))
+
+
+def test_quarters_that_contradict_each_other_are_no_reason(good: Recording) -> None:
+    """Where the torque's sign changes half way nothing is known of the wiring."""
+    torque = np.where(np.arange(len(good)) < len(good) // 2, -good.torque, good.torque)
+    check_units(prepared(replace(good, torque=torque)), axis())
+
+
+def test_a_plain_balance_finds_inertia_and_dry_friction(good: Recording) -> None:
+    data = prepared(good)
+    found = plain_balance(data, np.ones(int(data.ends[-1]), bool))
+    assert found is not None
+    assert found == pytest.approx((1000.0, LUGRE["coulomb"]), rel=0.15)
+
+
+def test_a_motion_at_one_speed_determines_no_balance(good: Recording) -> None:
+    data = prepared(good)
+    (stretch,) = data.stretches
+    for velocity in (np.ones_like(stretch.velocity), np.zeros_like(stretch.velocity)):
+        still = replace(stretch, velocity=velocity, acceleration=np.zeros_like(velocity))
+        assert plain_balance(replace(data, stretches=(still,)), np.ones(int(data.ends[-1]), bool)) is None

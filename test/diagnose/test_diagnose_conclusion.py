@@ -1,0 +1,154 @@
+"""The conclusion: a next experiment for the right pair, on an axis without either, and a verdict with its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from concealed_torque_cases import axis, conditioned, settled, unfitted
+
+from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.outcome import conclusion
+from tcs_friction.diagnose.outcome.conclusion import Explanation, conclude
+from tcs_friction.diagnose.outcome.result import Diagnosis, Verdict
+from tcs_friction.diagnose.search.candidates import Candidate
+from tcs_friction.diagnose.search.hypotheses import Kind, Start, kind_of
+from tcs_friction.diagnose.search.rivals import Contest
+from tcs_friction.numerics.outcome import Outcome
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import Instance, instance
+
+BIAS = instance(effect("torque_bias"), {"bias": 2.0})
+ASYMMETRY = instance(effect("coulomb_asymmetry"), {"asymmetry": 0.1})  # of 60 N m: larger than the bias
+SHARED = instance(effect("viscous_asymmetry"), {"asymmetry": 40.0})
+Pair = tuple[Axis, Instance, Instance]
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[TorqueBalance, Fit, Fit]:
+    """The balance, the retuned fit, the axis with both effects as concealed."""
+    balance, retuned = settled(
+        conditioned(np.random.default_rng(1), lambda m: np.full(len(m.t), 2.0 + 6.0), seconds=80.0)
+    )
+    return balance, retuned, unfitted(balance, axis().with_effect(BIAS).with_effect(ASYMMETRY), retuned.noise)
+
+
+def contest(
+    balance: TorqueBalance, improved: Fit, identity: int, *rivals: Instance, gain: float = 100.0
+) -> Contest:
+    """Of one of the effects; rivals are as good."""
+    item = next(x for x in improved.axis.effects if x.identity == identity)
+    alone = unfitted(balance, improved.axis.without_effect(item), improved.noise)
+    fits = [unfitted(balance, alone.axis.with_effect(rival), alone.noise) for rival in rivals]
+    starts = [Start((rival,), gain, 1, 1.0, np.empty((0, 0))) for rival in rivals]
+    candidates = tuple(Candidate(gain, 10.0, fit, start) for fit, start in zip(fits, starts, strict=True))
+    return Contest(identity, kind_of(item), alone, gain, 5.0, candidates)
+
+
+def concluded(
+    fitted: tuple[TorqueBalance, Fit, Fit], *contests: Contest, improved: Fit | None = None
+) -> Diagnosis:
+    balance, retuned, both = fitted
+    return conclude(balance, AxisFile(axis()), Explanation(retuned, improved or both, None, (), contests))
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[Pair]:
+    """Every experiment that is asked for: the axis and the two effects. None is found."""
+    pairs: list[Pair] = []
+
+    def next_experiment(base: Axis, a: Instance, b: Instance, *_: object) -> Mapping[str, Any] | None:
+        pairs.append((base, a, b))
+        return None
+
+    monkeypatch.setattr(conclusion, "next_experiment", next_experiment)
+    return pairs
+
+
+def test_an_experiment_is_designed_on_an_axis_without_either_of_the_two(
+    fitted: tuple[TorqueBalance, Fit, Fit], asked: list[Pair]
+) -> None:
+    """Both effects have the same rival; the larger effect is not the one that was found first."""
+    balance, _, improved = fitted
+    contests = [contest(balance, improved, item.identity, SHARED.again()) for item in (BIAS, ASYMMETRY)]
+    found = concluded(fitted, *contests)
+    assert [item.effect for item in found.effects] == ["coulomb_asymmetry", "torque_bias"]
+    assert [(a.term.id, b.term.id) for _, a, b in asked] == [
+        ("coulomb_asymmetry", "viscous_asymmetry"),
+        ("torque_bias", "viscous_asymmetry"),
+    ]
+    for base, a, b in asked:
+        assert not {a.term.id, b.term.id} & {item.term.id for item in base.effects}
+        assert len(base.effects) == 1, "the other effect stays"
+
+
+def test_an_experiment_separates_an_effect_from_its_own_rival(
+    fitted: tuple[TorqueBalance, Fit, Fit], asked: list[Pair]
+) -> None:
+    """Though a contest of another effect has such a rival, too, with other values and not as good."""
+    balance, _, improved = fitted
+    other, own = SHARED.again().replace(asymmetry=1.0), SHARED.again().replace(asymmetry=2.0)
+    lost = contest(balance, improved, BIAS.identity, other)
+    lost = replace(lost, rivals=(replace(lost.rivals[0], gain=10.0),))
+    concluded(fitted, lost, contest(balance, improved, ASYMMETRY.identity, own))
+    ((base, a, b),) = asked
+    assert a.identity == ASYMMETRY.identity
+    assert b.identity == own.identity
+    assert [item.term.id for item in base.effects] == ["torque_bias"]
+
+
+def test_without_equivalents_no_experiment_is_proposed(
+    fitted: tuple[TorqueBalance, Fit, Fit], asked: list[Pair]
+) -> None:
+    balance, _, improved = fitted
+    found = concluded(fitted, contest(balance, improved, BIAS.identity))
+    assert asked == []
+    assert found.next_experiment is None
+
+
+@pytest.mark.usefixtures("asked")
+def test_effects_are_told_with_their_own_contests(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    balance, _, improved = fitted
+    rivals = {BIAS.identity: (), ASYMMETRY.identity: (SHARED.again(),)}
+    contests = [contest(balance, improved, identity, *own, gain=50.0 + len(own)) for identity, own in rivals.items()]
+    found = {item.effect: item for item in concluded(fitted, *contests).effects}
+    assert found["torque_bias"].equivalent == ()
+    assert found["coulomb_asymmetry"].equivalent == (Kind("viscous_asymmetry"),)
+    assert found["coulomb_asymmetry"].probability == pytest.approx(0.5 * found["torque_bias"].probability, rel=1e-3)
+    difference = found["torque_bias"].delta_bic - found["coulomb_asymmetry"].delta_bic
+    assert difference == pytest.approx(1.0), "the gains are those of their contests"
+    for item, size in ((found["torque_bias"], 2.0), (found["coulomb_asymmetry"], 6.0)):
+        assert item.torque_rms == pytest.approx(size, rel=0.1)
+        assert item.before > 1.2 * item.after
+    bias = found["torque_bias"].parameters["bias"]
+    assert bias["value"] == 2.0
+    assert bias["std"] == pytest.approx(improved.squares.dispersion**0.5), "of a number with unit covariance"
+    assert bias["unit"] == "N m"
+
+
+def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    balance, retuned, improved = fitted
+    assert concluded(fitted).verdict is Verdict.MISSING_PHYSICS
+    far = concluded(fitted, improved=retuned)
+    assert far.verdict is Verdict.UNEXPLAINED, "nothing is named, and far more than noise is left"
+    assert far.unexplained.where is not None
+    assert far.unexplained.where["coordinates"] == ["time"]
+    known = AxisFile(improved.axis)
+    assert conclude(balance, known, Explanation(improved, improved, None)).verdict is Verdict.MATCH
+    wrong = AxisFile(replace(improved.axis, inertia=1.3 * improved.axis.inertia))
+    assert conclude(balance, wrong, Explanation(improved, improved, None)).verdict is Verdict.PARAMETERS
+
+
+def test_a_fit_that_was_cut_short_is_said(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    balance, retuned, improved = fitted
+    done = replace(improved, outcome=Outcome.CONVERGED)
+    ends = (Outcome.CONVERGED, Outcome.BUDGET_SPENT)
+    notes = [concluded((balance, replace(retuned, outcome=end), done)).evidence.notes for end in ends]
+    assert notes[0] == balance.data.notes
+    assert notes[1] == (*notes[0], "the fit of the retuned model was still gaining when its last step was taken")

@@ -1,0 +1,65 @@
+"""Bias of the inertia by noise that residual and acceleration share: measured, corrected, and nothing without a drive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loop_cases import telescope
+from open_loop_cases import axis, item
+
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias, attenuation_bias
+from tcs_friction.diagnose.fit.joint_fit import fit_untimed, settle
+from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.fit.parameters import Part, free_parameters, read_numbers, with_numbers
+
+FREQUENCY = np.linspace(0.0, 20.0, 129)
+
+
+def spectra(answer: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Noise of variance one, and an inertial torque that takes a multiple of it away again beside noise of its own."""
+    rng = np.random.default_rng(seed)
+    noise, other = ((rng.normal(size=(2, 40, 129)) * [[[1.0]], [[1.0j]]]).sum(axis=0) / np.sqrt(2.0) for _ in range(2))
+    return noise, 0.5 * other - answer * noise
+
+
+@pytest.mark.parametrize("answer", [0.0, 0.8])
+def test_what_noise_and_acceleration_share_is_seen_where_nothing_drives_the_axis(answer: float) -> None:
+    residual, inertial = spectra(answer)
+    residual[:, 20:40], inertial[:, 20:40] = residual[:, 20:40] + 3.0, inertial[:, 20:40] + 100.0  # driven, mismatched
+    residual[:, 60] += 50.0  # a line
+    found = attenuation_bias(axis(), 1e7, FREQUENCY, residual, inertial, 100.0, np.zeros(129))
+    assert np.sum(found.whole) == pytest.approx(2.0 * 100.0 * answer * 129.0, rel=0.06, abs=700.0)
+
+
+def test_where_hardly_anything_drives_the_axis_nothing_is_corrected() -> None:
+    found = attenuation_bias(axis(), 1e5, FREQUENCY, *spectra(0.8), 100.0, np.zeros(129))
+    assert found.squares(replace(axis(), inertia=1.0)) == 0.0
+
+
+def test_a_lighter_axis_owes_more_to_noise() -> None:
+    swinging = axis(item("flexible_mode", frequency=30.0, damping=0.02, inertia_ratio=0.2))
+    residual, inertial = spectra(0.8)
+    found = attenuation_bias(swinging, 1e7, FREQUENCY, residual, inertial, 100.0, 0.1 * np.ones(129))
+    free = free_parameters(swinging)
+    numbers = read_numbers(swinging, free)
+    for k, number in enumerate(free):
+        step = 1e-3 * np.eye(len(free))[k]
+        more, less = (found.squares(with_numbers(swinging, free, numbers + way * step)) for way in (1.0, -1.0))
+        slope = (more - less) / 2e-3
+        assert found.gradient(swinging, free)[k] == pytest.approx(slope, rel=0.01, abs=1e-6)
+        assert (slope != 0.0) == (number.part in (Part.INERTIA, Part.EFFECT))  # the mode's
+    lighter, heavier = (found.squares(replace(swinging, inertia=inertia)) for inertia in (990.0, 1010.0))
+    assert lighter > found.squares(swinging) > heavier
+
+
+def test_a_torque_that_is_not_logged_makes_no_axis_lighter() -> None:
+    recording, plant = telescope(drive_noise=0.87, speed=0.01)
+    balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle), plant.actuation_delay)
+    fit = settle(balance, plant, white_noise(balance.samples))
+    plain = fit_untimed(balance, fit.axis, replace(fit.noise, bias=AttenuationBias()), 12)
+    assert plain.axis.inertia < 0.992 * plant.inertia
+    assert abs(fit.axis.inertia - plant.inertia) < 0.6 * abs(plain.axis.inertia - plant.inertia)

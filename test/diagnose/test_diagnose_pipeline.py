@@ -1,0 +1,50 @@
+"""Whole diagnoses of a closed loop with noise that nobody logs: nothing is named for it, nor for alignment or history."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from closed_loop_cases import telescope, telescope_file
+
+from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.errors import InputError
+from tcs_friction.recording.recording import Recording
+
+
+def test_nothing_is_named_for_a_torque_that_is_not_logged() -> None:
+    recording, plant = telescope(drive_noise=0.87, speed=0.027)
+    assert diagnose([recording], telescope_file().with_axis(plant)).verdict == "match"
+
+
+def test_alignment_is_no_wrong_parameter() -> None:
+    """A torque is held for a period, so the logged one acts half of it early; the plant's own delay is stated."""
+    recording, plant = telescope(drive_noise=0.05, speed=0.01)
+    found = diagnose([recording], telescope_file().with_axis(plant))
+    late = found.axis_file.axis.actuation_delay - plant.actuation_delay
+    assert late == pytest.approx(-0.5e-3, abs=0.15e-3)
+    assert found.believed.held_out > 1.5 * found.retuned.held_out
+    assert found.verdict == "match"
+    assert f"acts {-1e3 * late:.2g} ms earlier than stated" in found.statement
+
+
+def test_friction_before_a_recording_is_not_held_against_the_model() -> None:
+    """It begins at a reversal, the bristles bent by where the axis came from."""
+    recording, plant = telescope(drive_noise=0.05, speed=0.01)
+    ways = np.sign(np.diff(recording.position[::100]))
+    turns = 100 * (1 + np.flatnonzero(ways[1:] * ways[:-1] < 0.0))
+    part = recording.part(slice(turns[0], len(recording)))
+    wrong = TorqueBalance(prepare([part]), plant.actuation_delay)
+    right = TorqueBalance(prepare([part], memory=10.0 * plant.bristle), plant.actuation_delay)
+    assert np.abs(wrong.residual(plant, white_noise(wrong.samples))[wrong.train]).max() > 10.0
+    assert np.abs(right.residual(plant, white_noise(right.samples))[right.train]).max() < 1.0
+    assert diagnose([part], telescope_file().with_axis(plant)).verdict == "match"
+
+
+def test_a_recording_without_motion_is_refused() -> None:
+    t = np.arange(0.0, 10.0, 1e-2)
+    with pytest.raises(InputError, match="position never changes"):
+        diagnose([Recording(t, np.zeros(len(t)), np.sin(t))], AxisFile(telescope_file().axis))

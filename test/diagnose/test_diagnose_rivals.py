@@ -1,0 +1,143 @@
+"""Contests for a place: who cannot be told from an effect, who takes its place, special cases, other recorded signals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import open_loop_cases
+import pytest
+from concealed_torque_cases import conditioned, settled, unfitted
+from open_loop_cases import recorded
+
+from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.search.candidates import Candidate
+from tcs_friction.diagnose.search.hypotheses import Kind, Start, starts
+from tcs_friction.diagnose.search.projection import ProjectedResidual
+from tcs_friction.diagnose.search.rivals import Contest, contest_for_place, contested
+from tcs_friction.diagnose.search.stepwise import Selection
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import Instance, instance
+
+STEP = 40.37  # s
+BIAS = instance(effect("torque_bias"), {"bias": 1.0})
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[TorqueBalance, Fit]:
+    """A constant torque of 0.5 N m and one that appears."""
+    return settled(conditioned(np.random.default_rng(1), lambda m: 0.5 + 1.5 * (m.t > STEP), seconds=80.0))
+
+
+def through(signal: str) -> Instance:
+    return instance(effect("exogenous"), {"linear": 0.5}, signal=signal)
+
+
+def as_start(*items: Instance) -> Start:
+    return Start(items, 0.0, len(items), 1.0, np.empty((0, 0)))
+
+
+def rival(fitted: tuple[TorqueBalance, Fit], gain: float, *items: Instance) -> Candidate:
+    balance, fit = fitted
+    model = fit.axis
+    for item in items:
+        model = model.with_effect(item)
+    return Candidate(gain, 20.0, replace(unfitted(balance, fit.axis, fit.noise), axis=model), as_start(*items))
+
+
+def test_equivalents_are_those_of_another_kind_whose_gain_is_as_large(fitted: tuple[TorqueBalance, Fit]) -> None:
+    imbalance = instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0})
+    cable = instance(effect("cable_wrap"), {"stiffness": 1.0})
+    rivals = (
+        rival(fitted, 101.0, imbalance),
+        rival(fitted, 99.0, BIAS.again()),  # of the same kind
+        rival(fitted, 98.0, imbalance.again()),  # for the second time
+        rival(fitted, 91.0, through("pressure")),
+        rival(fitted, 89.0, cable),  # too far behind
+    )
+    contest = Contest(BIAS.identity, Kind("torque_bias"), fitted[1], 100.0, 10.0, rivals)
+    assert contest.equivalent == (rivals[0], rivals[3])
+
+
+def test_one_effect_through_two_signals_is_two_kinds(fitted: tuple[TorqueBalance, Fit]) -> None:
+    rivals = (rival(fitted, 99.0, through("flow")), rival(fitted, 98.0, through("pressure")))
+    contest = Contest(0, Kind("exogenous", "pressure"), fitted[1], 100.0, 10.0, rivals)
+    assert contest.equivalent == (rivals[0],)
+
+
+def test_a_rival_that_does_better_takes_the_place(fitted: tuple[TorqueBalance, Fit]) -> None:
+    balance, fit = fitted
+    wrong = settle(balance, fit.axis.with_effect(BIAS), fit.noise, rounds=1)
+    (item,) = wrong.axis.effects
+    alone = replace(fit, axis=wrong.axis.without_effect(item))
+    challengers = [
+        *starts(ProjectedResidual(balance, alone), effect("load_step"), None)[:1],
+        as_start(instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0})),
+    ]
+    chosen, contest = contest_for_place(balance, wrong, item, challengers)
+    (winner,) = chosen.axis.effects
+    assert contest.kind == Kind("load_step")
+    assert contest.effect == winner.identity
+    assert winner.values["time"] == pytest.approx(STEP, abs=2.0)
+    assert [r.kinds for r in contest.rivals] == [(Kind("imbalance"),)]
+    assert contest.without.axis.effects == ()
+    assert balance.squares(chosen.axis, chosen.noise) - balance.squares(wrong.axis, chosen.noise) < -100.0
+
+
+def test_every_effect_found_is_contested_on_an_axis_that_keeps_the_others(fitted: tuple[TorqueBalance, Fit]) -> None:
+    balance, fit = fitted
+    step = instance(effect("load_step"), {"step": 1.5, "time": STEP})
+    bias = BIAS.replace(bias=0.5)
+    both = settle(balance, fit.axis.with_effect(bias).with_effect(step), fit.noise, rounds=1)
+    imbalance = rival(fitted, 50.0, instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0}))
+    present = rival(fitted, 40.0, BIAS.again())
+    pair = rival(fitted, 60.0, instance(effect("cable_wrap"), {"stiffness": 1.0}), BIAS.again())
+    told: list[str] = []
+    selection = Selection(fit, both, ((imbalance, present, pair),))
+    chosen, contests = contested(balance, selection, lambda _, stage: told.append(stage))
+    assert [c.effect for c in contests] == [item.identity for item in chosen.axis.effects] == [bias.identity, step.identity]
+    assert [c.without.axis.effects[0].identity for c in contests] == [step.identity, bias.identity]
+    assert all({r.kinds for r in c.rivals} == {(Kind("imbalance"),)} for c in contests), "neither pairs nor what is there"
+    assert all(c.gain > 100.0 and c.equivalent == () for c in contests)
+    assert told == ["rivals of torque_bias", "rivals of load_step"]
+    fitted_again = [r.items[0].identity for c in contests for r in c.rivals]
+    assert len(set(fitted_again)) == 2, "each contest has a rival of its own"
+
+
+def two_signals() -> DataSet:
+    """A torque that follows `flow`, and a `pressure` that is the flow but for a thousandth."""
+    rng = np.random.default_rng(3)
+    data = conditioned(rng, seconds=80.0)
+    (s,) = data.stretches
+    flow = s.signals[1]
+    pressure = flow + 1e-3 * rng.standard_normal(len(flow))
+    changed = replace(s, torque=s.torque + 0.5 * flow, signals=np.vstack([s.signals, pressure]))
+    return replace(data, names=("flow", "pressure"), stretches=(changed,))
+
+
+def test_an_effect_through_another_signal_is_equivalent_where_data_cannot_tell_them_apart() -> None:
+    balance, plain = settled(two_signals())
+    fit = settle(balance, plain.axis.with_effect(through("flow")), plain.noise, rounds=1)
+    (item,) = fit.axis.effects
+    chosen, contest = contest_for_place(balance, fit, item, [as_start(through("pressure"))])
+    assert chosen is fit
+    assert contest.kind == Kind("exogenous", "flow")
+    assert [r.kinds for r in contest.equivalent] == [(Kind("exogenous", "pressure"),)]
+
+
+@pytest.mark.parametrize(("linear", "name"), [(0.0, "wind_torque"), (1.0, "exogenous")])
+def test_a_wind_is_no_signal_of_any_kind_unless_it_acts_like_one(linear: float, name: str) -> None:
+    """What is found first may hold more numbers than it needs, its special case hidden by what was missing then."""
+    plain = recorded(open_loop_cases.axis())
+    wind = 6.0 + 2.0 * np.sin(0.31 * plain.t) + np.sin(0.83 * plain.t)
+    r = replace(plain, torque=plain.torque + 0.2 * wind**2 + linear * wind, exogenous={"wind_speed": wind})
+    balance = TorqueBalance(prepare([r]))
+    general = instance(effect("exogenous"), {"linear": 0.1, "squared": 0.1}, signal="wind_speed")
+    fit = settle(balance, open_loop_cases.axis(general), white_noise(balance.samples))
+    chosen, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
+    assert chosen.axis.effects[0].term.id == name
+    assert len({r.kinds for r in contest.rivals}) == len(contest.rivals)

@@ -1,0 +1,125 @@
+"""Stepwise selection: what is chosen, placed again, dropped, and what chance and slow torques explain."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from concealed_torque_cases import DT, Motion, Torque, axis, conditioned, selected, settled, unfitted
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import least_squares, settle
+from tcs_friction.diagnose.search.hypotheses import Start
+from tcs_friction.diagnose.search.stepwise import (
+    _confused_with_collisions,
+    _placed_again,
+    beyond_remaining_spectrum,
+    close_behind,
+    pruned,
+)
+from tcs_friction.physics.registry import effect, effects
+from tcs_friction.physics.terms import instance
+
+STEP = 100.37  # s
+MOMENT, ONE_SWEEP = 19.0, 41.0  # s
+
+
+def step(m: Motion) -> np.ndarray:
+    return np.where(m.t >= STEP, 1.5, 0.0)
+
+
+def bump(m: Motion) -> np.ndarray:
+    place = m.q[np.argmin(np.abs(m.t - MOMENT))]
+    return 6.0 * np.exp(-(((m.q - place) / 0.1) ** 2)) * np.sign(m.v)
+
+
+def push_and_pull(m: Motion) -> np.ndarray:
+    return 6.0 * np.sin(4.0 * (m.t - MOMENT)) * np.exp(-((m.t - MOMENT) ** 2))
+
+
+def start(name: str, gain: float) -> Start:
+    values = {p.name: 1.0 for p in effect(name).parameters if p.default is None}
+    return Start((instance(effect(name), values),), gain, 1, 1.0, np.empty((0, 0)))
+
+
+def test_an_effect_led_astray_is_found_anew() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(6), step))
+    astray = settle(balance, fit.axis.with_effect(instance(effect("load_step"), {"step": 1.0, "time": 60.0})), fit.noise, 1)
+    found = _placed_again(balance, astray, astray.axis.effects)
+    assert astray.axis.effects[0].values["time"] == pytest.approx(60.0, abs=5.0)
+    assert found.axis.effects[0].values["time"] == pytest.approx(STEP, abs=0.3)
+
+
+def test_a_step_is_selected_and_nothing_else() -> None:
+    """Load-dependent friction is not asked: all noise is in the torque here, which it can make smaller."""
+    balance = TorqueBalance(conditioned(np.random.default_rng(7), step))
+    (item,) = selected(balance, frozenset({"backlash", "flexible_mode", "load_dependent_friction"})).found
+    assert item.term.id == "load_step"
+    assert item.values["step"] == pytest.approx(1.5, rel=0.1)
+
+
+def test_a_bias_that_a_slow_torque_explains_is_not_named() -> None:
+    """The same bias is named where the rest is noise."""
+    rng = np.random.default_rng(8)
+    corner = 2.0 * np.pi * 0.02 * DT
+    drift = np.zeros(30_000)
+    for k in range(1, len(drift)):
+        drift[k] = (1.0 - corner) * drift[k - 1] + math.sqrt(2.0 * corner) * rng.standard_normal()
+    for slow, kept in ((2.0 * drift, 0), (0.0 * drift, 1)):
+        balance, fit = settled(conditioned(rng, lambda m, slow=slow: np.full(len(m.t), 0.3) + slow))
+        biased = settle(balance, fit.axis.with_effect(instance(effect("torque_bias"), {"bias": 0.3})), fit.noise, 1)
+        assert len(beyond_remaining_spectrum(balance, biased, fit).axis.effects) == kept
+
+
+def test_two_starts_are_always_fitted_and_others_only_if_they_may_win() -> None:
+    found = [start(name, gain) for name, gain in (("torque_bias", 5.0), ("imbalance", 100.0), ("cable_wrap", 8.0))]
+    assert [s.instance.term.id for s in close_behind(found)] == ["imbalance", "cable_wrap"]
+    assert [s.instance.term.id for s in close_behind([*found, start("load_step", 50.0)])] == ["imbalance", "load_step"]
+    assert close_behind([]) == []
+
+
+def test_what_an_impossible_effect_leaves_behind_must_earn_its_place() -> None:
+    """An encoder that counts backwards goes; a bias beside it stays only where there is one."""
+    for bias, kept in ((0.3, ["torque_bias"]), (0.0, [])):
+        balance, fit = settled(conditioned(np.random.default_rng(11), lambda m, bias=bias: np.full(len(m.t), bias)))
+        error = instance(effect("encoder_periodic_error"), {"order": 40.0, "amplitude": 0.1, "phase": 0.0})
+        both = fit.axis.with_effect(error).with_effect(instance(effect("torque_bias"), {"bias": 0.3}))
+        free = [f for f in balance.free(both) if f.effect != error.identity]
+        impossible = least_squares(balance, both, free, fit.noise, np.full(len(free), np.inf))
+        assert [item.term.id for item in pruned(balance, impossible, fit).axis.effects] == kept
+
+
+@pytest.mark.parametrize(("torque", "found"), [(bump, ["local_friction_bump"]), (push_and_pull, [])])
+def test_a_place_passed_once_is_named_only_if_it_accounts_for_all_that_was_there(
+    torque: Torque, found: list[str]
+) -> None:
+    data = conditioned(np.random.default_rng(12), torque, ONE_SWEEP)
+    others = frozenset(effects()) - {"local_friction_bump", "position_dependent_friction", "load_step"}
+    selection = selected(TorqueBalance(data), others)
+    assert [item.term.id for item in selection.found] == found
+
+
+def test_beside_collisions_no_swing_and_no_delay_is_looked_for() -> None:
+    """What collisions leave that come a moment early or late looks like them."""
+    backlash = instance(effect("backlash"), {"gap": 1e-3, "inertia_ratio": 0.1})
+    balance, fit = settled(conditioned(np.random.default_rng(0), seconds=20.0))
+    assert _confused_with_collisions(fit) == frozenset()
+    knocking = unfitted(balance, axis().with_effect(backlash), fit.noise)
+    assert _confused_with_collisions(knocking) == {
+        "flexible_mode", "transport_delay", "actuator_lag"
+    }  # fmt: skip
+
+
+def test_a_search_repeated_finds_the_same_to_the_last_digit() -> None:
+    """No stage leaves anything behind in the balance."""
+    balance = TorqueBalance(conditioned(np.random.default_rng(7), lambda m: 1.5 * (m.t > 20.3) + 0.4, seconds=60.0))
+    excluded = frozenset(effects()) - {"load_step", "torque_bias", "cogging"}
+    first, again = selected(balance, excluded), selected(balance, excluded)
+    assert {item.term.id for item in first.found} >= {"load_step"}
+    assert [item.term.id for item in first.found] == [item.term.id for item in again.found]
+    assert [dict(item.values) for item in first.found] == [dict(item.values) for item in again.found]
+    assert first.chosen.squares.value == again.chosen.squares.value
+    gains = [[(c.kinds, c.gain, c.threshold) for r in selection.rounds for c in r] for selection in (first, again)]
+    assert gains[0] == gains[1]
+    assert len(gains[0]) > 1
