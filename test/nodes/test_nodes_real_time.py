@@ -186,9 +186,11 @@ def test_wild_inputs_of_the_controller_are_refused_and_a_lost_compensation_fades
     assert controller.health.refused == 14
     assert any("following_limit" in event for event in controller.health.report(time.monotonic()).values())
     watch = Watch(graph)
-    graph.executor.remove_node(graph["lugre_compensator"])
-    used = []
     steady = controller._faded["friction_compensation"]
+    assert graph.until(lambda: steady._ramp.value == 1.0, 10.0)
+    graph.executor.remove_node(graph["lugre_compensator"])
+    graph.for_seconds(0.1)
+    used = []
     steady.put(60.0, controller._state.stamp)
     end = time.monotonic() + 1.5
     while time.monotonic() < end:
@@ -251,6 +253,21 @@ def test_two_plants_are_named_and_the_controller_commands_zero_torque(together: 
     watch = Watch(graph)
     graph.for_seconds(0.3)
     assert not any(watch.torques[2:])
+
+
+def test_no_torque_that_makes_a_fast_axis_faster(together: Callable[..., Any]) -> None:
+    graph = together(*REAL_TIME, nodes=["plant"])
+    plant = graph["plant"]
+    speeds = []
+
+    def push() -> None:
+        plant._on_command(TORQUE.write(plant._stamp, 1000.0))
+        speeds.append(plant._simulator.velocity)
+
+    graph.driver.create_timer(0.01, push)
+    assert graph.until(lambda: "no torque that way" in plant.health.warning, 10.0)
+    graph.for_seconds(0.5)
+    assert 0.08 < max(speeds) <= 0.1
 
 
 def test_a_plant_that_was_late_catches_up(together: Callable[..., Any]) -> None:
