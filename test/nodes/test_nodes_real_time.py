@@ -378,12 +378,13 @@ def test_health_judges_ages_rates_and_overruns() -> None:
     assert "no friction_compensation" in health.warning
     health.heard("joint_states", 9.0)
     health.well("no joint_states")
-    assert health.level() is Level.WARN, "what was wrong since the last report is in it"
+    assert health.level() is Level.ERROR, "what was wrong since the last report is in it"
     assert "no joint_states" in health.warning
     for k in range(100):
         health.heard("joint_states", 9.0 + 0.03 * k, 0.01)
         health.ticks += 1
     health.report(9.0)
+    assert health.level() is Level.WARN, "the compensation is still away"
     health.overruns += 90
     health.ticks += 100
     health.judge(10.0, limits)
