@@ -1,4 +1,4 @@
-"""The benchmark of faults, short: every check of it holds for one fault of each kind or so, and garbled messages are what they say."""
+"""The benchmark of faults, short, with all its checks; garbled messages are garbled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import subprocess
 import sys
 
 from benchmarks.faulty_nodes import garbled
-
 from tcs_friction.nodes.wire import JointWire
 
 
