@@ -145,7 +145,7 @@ class Plant(ManagedNode[PlantConfig]):
 
     def _on_command(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
-        if not self.active or (self.lock_step and stamp != self._stamp):
+        if not (self.active or self._ramp.value) or (self.lock_step and stamp != self._stamp):
             return  # in lock-step, an answer to a repeated state that had been answered already
         torque, limit = numbers[0], self.config.command_limit
         objection = "" if -limit <= torque <= limit else f"{torque:g} N m was refused, the limit is {limit:g}"
@@ -178,6 +178,8 @@ class Plant(ManagedNode[PlantConfig]):
             self._began = now - self._index * period
             return
         due = math.floor((now - self._began) / period)
+        if due == self._index:
+            return
         if due - self._index > round(CATCH_UP / period):
             late = now - self._began - self._index * period
             self.health.note(f"the simulation stood still for {late:.3g} s and is late by that: this run is void")
@@ -207,6 +209,8 @@ class Plant(ManagedNode[PlantConfig]):
         return torque
 
     def _why_none(self, moment: float) -> str:
+        if not (self.active or self._ramp.value):
+            return "not active"
         if self._command is None or moment - self._commanded > self.config.watchdog:
             return f"no {COMMAND} for {self.config.watchdog:g} s"
         return "contradicting commands" if self.rivals else ""
