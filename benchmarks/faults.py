@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     finally:
         loop.end()
         watch.close()
-    failures += watch.excesses()
+    failures = watch.excesses() + failures  # the worst first
     if failures:
         raise JobError("faults", f"{len(failures)} checks failed: {'; '.join(failures[:5])}")
     return _results(counts, watch)
