@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tcs_friction.nodes import parameters
+from tcs_friction.nodes.steady import steady_timer
 
 C = TypeVar("C")
 
@@ -21,10 +22,11 @@ class PlainNode(Node, Generic[C]):
     def __init__(self, name: str, defaults: C) -> None:
         super().__init__(name, namespace="azimuth", enable_rosout=False)
         self.config: C = parameters.declare(self, defaults)
+        parameters.refuse_unknown(self)
         self._own = {item.name for item in parameters.as_parameters(defaults)}
         self.add_on_set_parameters_callback(self._refuse)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(1.0, self._report)
+        steady_timer(self, 1.0, self._report)
 
     def condition(self) -> tuple[str, dict[str, str]]:
         """What is wrong ("" for nothing), and counters. For subclasses."""
