@@ -17,9 +17,11 @@ from rclpy.parameter import Parameter
 
 from tcs_friction.config import AxisFile, Control, default_control, load_axis
 from tcs_friction.control.config_field import choice, setting
+from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError, TcsError
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.health import Health
+from tcs_friction.nodes.peers import LONGEST_NAME, unquoted
 
 DEFAULT_AXIS = "azimuth_1p2m.yaml"
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
@@ -43,16 +45,32 @@ C = TypeVar("C", bound=ClockConfig)
 
 def config_file(name: str) -> Path:
     """An existing file as named, or the one of that name in the config folder of the checkout or of the installed package."""
-    if Path(name).is_file():
-        return Path(name)
+    with contextlib.suppress(OSError):  # a name too long for a file, say
+        if Path(name).is_file():
+            return Path(name)
     folders = [Path(__file__).resolve().parents[2] / "config"]
     with contextlib.suppress(PackageNotFoundError):
         folders.append(Path(get_package_share_directory("tcs_friction")) / "config")
     for folder in folders:
-        if (folder / name).is_file():
-            return folder / name
+        with contextlib.suppress(OSError):
+            if (folder / name).is_file():
+                return folder / name
     known = sorted({path.name for folder in folders for path in folder.glob("*.yaml")})
-    raise InputError(name, "no such file", f"a path, or one of {', '.join(known)}")
+    raise InputError(name[:LONGEST_NAME], "no such file", f"a path, or one of {', '.join(known)}")
+
+
+def axis_file(name: str) -> AxisFile:
+    """An axis file by path or name. Raises InputError, which does not quote it to others: see `ContentError`."""
+    path = config_file(name)
+    with unquoted():
+        return load_axis(path)
+
+
+def reference_file(name: str) -> Reference:
+    """A reference by path or name of its file. Raises InputError, which does not quote it to others: see `ContentError`."""
+    path = config_file(name)
+    with unquoted():
+        return load_reference(path)
 
 
 def control_of(file: AxisFile) -> Control:
@@ -77,7 +95,7 @@ class AxisNode(Node, Generic[C]):
         self._defaults = defaults
         described = ParameterDescriptor(description="axis file, a path or a name in the package's config folder")
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)
-        self.file = load_axis(config_file(path))
+        self.file = axis_file(path)
         self.health = Health()
         self._reported_problem = ""
         self.config: C = parameters.declare(self, defaults(self.file))
@@ -124,14 +142,15 @@ class AxisNode(Node, Generic[C]):
     def _file_after(self, changes: Sequence[Parameter]) -> AxisFile:
         for item in changes:
             if item.name == "axis":
-                return load_axis(config_file(str(item.value)))
+                return axis_file(str(item.value))
         return self.file
 
     def _apply(self, changes: Sequence[Parameter]) -> None:
         file = self._file_after(changes)
         if file is not self.file:  # another axis brings its own values for everything not named beside it
             self.file = file
-            wanted = parameters.with_parameters(self._defaults(file), changes, self.get_name())
+            base = parameters.keep_fixed(self._defaults(file), self.config)
+            wanted = parameters.with_parameters(base, changes, self.get_name())
             self.set_parameters_atomically(parameters.as_parameters(wanted))
             return
         self.configure(parameters.with_parameters(self.config, changes, self.get_name()))

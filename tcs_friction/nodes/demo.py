@@ -47,8 +47,10 @@ def commission(
     """
     own_domain()
     tell(0.0, "starting the graph (a minute the first time: kernels are compiled)")
+    directory = directory.resolve()
+    results = ["-p", f"results:={directory.parent}"]
     quiet = ["--log-level", "warn"]
-    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0", "-p", f"seed:={seed}", *quiet])
+    arguments = graph.arguments_for(axis, reference, [*results, "-p", "run_until:=0.0", "-p", f"seed:={seed}", *quiet])
     children = graph.start_processes(arguments, NODES) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):
@@ -105,7 +107,7 @@ async def _action(
     client = ActionClient(node, CommissionAction, "commission/commission")
     await waiter.until(client.server_is_ready, 10.0)
     sent = client.send_goal_async(
-        CommissionAction.Goal(directory=str(directory)),
+        CommissionAction.Goal(directory=directory.name),
         feedback_callback=lambda message: tell(message.feedback.progress, message.feedback.stage),
     )
     await waiter.until(sent.done, 10.0)

@@ -16,12 +16,12 @@ from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.observer import FrictionObserver
 from tcs_friction.control.observer_settings import ObserverSettings
-from tcs_friction.errors import TcsError
+from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.calibration import CalibrationMemory
+from tcs_friction.nodes.calibration import CalibrationMemory, calibrated
 from tcs_friction.nodes.convert import SECOND, nanoseconds
 from tcs_friction.nodes.executor import run
-from tcs_friction.nodes.jobs import Waiter, create_deferred_service
+from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire
 
@@ -59,7 +59,7 @@ class Dob(AxisNode[DobNodeConfig]):
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
         self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
         self.create_subscription(WrenchStamped, "dynamometer", self._on_dynamometer, COLLECT)
-        create_deferred_service(self, Trigger, "~/calibrate", self._on_calibrate)
+        self._jobs = Jobs(self, self._waiter, "calibrate", self._calibrate, service=Trigger)
 
     def check(self, config: DobNodeConfig, file: AxisFile) -> None:  # noqa: ARG002
         config.design(config.period)
@@ -117,13 +117,10 @@ class Dob(AxisNode[DobNodeConfig]):
         if math.isfinite(torque):
             self._calibration.reading(nanoseconds(message.header.stamp), torque)
 
-    async def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _calibrate(self, _: Trigger.Request, __: Trigger.Response, ___: Progress) -> str:
         """From what has been heard since the first reading; the parameters found are used at once."""
-        try:
-            found = await self._waiter.in_thread(lambda: self._calibration.calibrate(self.config))
-        except TcsError as error:
-            response.success, response.message = False, str(error)
-            return response
+        heard, config = self._calibration.comparisons(), self.config
+        found = await self._waiter.in_thread(lambda: calibrated(heard, config))
         settings = found.observer
         values = {
             "torque_scale": settings.torque_scale,
@@ -131,10 +128,10 @@ class Dob(AxisNode[DobNodeConfig]):
             "plant.first": settings.plant.first,
         }
         answer = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        if not answer.successful:
+            raise JobError("calibration", answer.reason)
         accuracy = f"{100 * found.accuracy_uniform:.2f} % in uniform motion, {100 * found.accuracy:.2f} % over everything"
-        words = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
-        response.success, response.message = answer.successful, answer.reason or f"{words}; {accuracy}"
-        return response
+        return f"{', '.join(f'{name} {value:.6g}' for name, value in values.items())}; {accuracy}"
 
     def _difference(self, position: float, stamp: int) -> float:
         """Speed from this position and the one before."""

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
+from tcs_friction.config import AxisFile
 from tcs_friction.errors import JobError
+from tcs_friction.nodes.peers import unquoted
 from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.wire import JointWire
 from tcs_friction.recording.align import align
+from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -47,3 +52,10 @@ class LiveRecording:
         topic = TopicColumns(TOPIC, times, times, dict(zip(sources, columns, strict=True)))
         position, velocity, torque = sources
         return align({TOPIC: topic}, SignalMap(position=position, torque=torque, velocity=velocity), "live recording")
+
+
+def recordings(request: Any, file: AxisFile) -> list[Recording]:
+    """The recordings in the bags that a request names. Raises InputError, which quotes nothing of them."""
+    signals = file.mapped(request.axis or "axis file")
+    with unquoted():
+        return list(read_recordings([Path(name) for name in request.bags], signals))

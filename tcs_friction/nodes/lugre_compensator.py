@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from rclpy.parameter import Parameter
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, LugreParameters
@@ -13,7 +13,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.control.compensator import CompensatorConfig, LugreCompensator
 from tcs_friction.control.config_field import switch
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.convert import direction
+from tcs_friction.nodes.convert import friction_of
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE, TORQUE
@@ -72,11 +72,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
 
     def _on_parameters(self, message: LugreParameters) -> None:
         """Identified parameters become this node's parameters, all of them or none."""
-        values = {
-            f"{side}.{name}": value
-            for side in ("positive", "negative")
-            for name, value in asdict(direction(getattr(message, side))).items()
-        }
+        values = friction_of(message)
         result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
         if result.successful:
             self.get_logger().info(f"LuGre parameters taken from {message.source or 'lugre_parameters'}")

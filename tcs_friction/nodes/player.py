@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from tcs_friction.control.config_field import setting, switch, text
+from tcs_friction.control.config_field import setting, switch, text, texts
 from tcs_friction.errors import InputError, TcsError, nearest
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
@@ -38,7 +38,7 @@ class PlayerConfig:
     """What to play, and how."""
 
     bag: str = text("", "bag to play")
-    topics: str = text("", "topics to play, separated by blanks; empty for all")
+    topics: tuple[str, ...] = texts("topics to play; none for all")
     rate: float = setting(1.0, "1", 0.001, 1000.0, "how many times faster than it was recorded")
     loop: bool = switch(False, "begin anew at the end")
     start_offset: float = setting(0.0, "s", 0.0, 1e9, "leave out so much at the beginning")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference
@@ -12,7 +11,7 @@ from tcs_friction_msgs.msg import AxisReference
 from tcs_friction.config import AxisFile
 from tcs_friction.control import reference as core
 from tcs_friction.control.config_field import choice, text
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, config_file, control_of, derived
+from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived, reference_file
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
@@ -39,7 +38,7 @@ class ReferenceConfig(ClockConfig):
 def chosen(config: ReferenceConfig) -> core.Reference:
     """The reference that a configuration means; raises InputError when that cannot be."""
     if config.reference_file:
-        return core.load_reference(Path(config_file(config.reference_file)))
+        return reference_file(config.reference_file)
     return core.Reference(getattr(config, config.kind))
 
 

@@ -27,6 +27,7 @@ def short(tmp_path: Path) -> list[str]:
     run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 1.5, acceleration: 5.0e-3, duration: 6.0}\n")
     measure.write_text("reference: {kind: sinusoid, amplitude: 3.0e-3, period: 10.0, duration: 12.0}\n")
     arguments = {"reference_file": run, "measure_file": measure, "settle": 1.0, "run_until": 0.0, "answer_limit": 3.0}
+    arguments["results"] = tmp_path
     return [word for name, value in arguments.items() for word in ("-p", f"{name}:={value}")]
 
 
@@ -125,7 +126,7 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     graph = together(*short, nodes=GRAPH)
     heard: list[tuple[float, str]] = []
     directory = tmp_path / "out"
-    goal = CommissionAction.Goal(directory=str(directory))
+    goal = CommissionAction.Goal(directory="out")
     ended = graph.result(
         act(graph, CommissionAction, "commission/commission", goal, lambda f: heard.append((f.progress, f.stage))), 200.0
     )
@@ -170,7 +171,7 @@ def test_a_second_goal_is_refused_while_one_runs(together: Callable[..., Any], s
     graph = together(*short, nodes=GRAPH)
     heard: list[str] = []
     client = ActionClient(graph.driver, IdentifyAction, "identifier/identify")
-    graph["identifier"]._jobs._busy = True
+    graph["identifier"]._jobs._since = 1.0
     assert graph.until(client.server_is_ready)
     sent = client.send_goal_async(IdentifyAction.Goal())
     assert graph.until(sent.done)
