@@ -157,6 +157,10 @@ class DoubleLoopPid:
         self.config = config
         self.parameters = pid_parameters(config, self.dt)
 
+    def share_limit(self, share: float) -> None:
+        """Use a share (0 to 1) of the torque limit from the next tick; a change of configuration gives back all of it."""
+        self.parameters[_TORQUE_LIMIT] = share * self.config.torque_limit
+
     def reset(self) -> None:
         """Forget the integrators and filters."""
         self._state[:] = 0.0

@@ -20,11 +20,14 @@ from tcs_friction.control.config_field import choice, setting
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError, TcsError
 from tcs_friction.nodes import parameters
-from tcs_friction.nodes.health import Health
+from tcs_friction.nodes.health import Health, Judgement
 from tcs_friction.nodes.peers import LONGEST_NAME, unquoted
+from tcs_friction.nodes.steady import steady_timer
 
 DEFAULT_AXIS = "azimuth_1p2m.yaml"
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
+WARN_EVERY = 10.0
+"""s between two lines of warnings in the log; /diagnostics has all of them."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,15 @@ class ClockConfig:
         "lock_step: wait for every input of the same stamp; real_time: use the latest inputs",
     )
     period: float = setting(1e-3, "s", 1e-5, 1.0, "control period")
-    time_limit: float = setting(5.0, "s", 0.01, 3600.0, "lock-step: report what is missing after this wall time")
+    time_limit: float = setting(5.0, "s", 0.01, 3600.0, "report what is missing, or that nothing comes, after this steady time")
+    age_limit: float = setting(0.1, "s", 1e-3, 10.0, "real time: older inputs are not used, and reported")
+    patience: float = setting(0.5, "s", 1e-3, 60.0, "real time: a clock or position that has jumped is believed after so long")
+    rate_limit: float = setting(0.9, "1", 0.0, 1.0, "real time: share of the ticks that must come")
+    overrun_limit: float = setting(0.05, "1", 0.0, 1.0, "real time: share of the ticks that may be late")
 
+LOOK_FOR_RIVALS = 0.1  # s
+RIVALS_REMEMBERED = 1.0
+"""s after the last contradiction in which two publishers still count as rivals."""
 
 C = TypeVar("C", bound=ClockConfig)
 
@@ -97,17 +107,27 @@ class AxisNode(Node, Generic[C]):
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)
         self.file = axis_file(path)
         self.health = Health()
-        self._reported_problem = ""
+        self._reported = ""
+        self._watched: dict[str, Callable[[], float]] = {}
+        self.rivals: set[str] = set()
+        """Topics on which two publishers contradict each other."""
         self.config: C = parameters.declare(self, defaults(self.file))
+        parameters.refuse_unknown(self)
         self.check(self.config, self.file)
         self.add_on_set_parameters_callback(self._accept)
         self.add_post_set_parameters_callback(self._apply)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._simulated_clock = bool(self.get_parameter("use_sim_time").value)
 
     def start(self) -> None:
         """To be called at the end of a subclass' constructor: configure it and begin to report."""
         self.configure(self.config)
-        self.create_timer(1.0, self._report)
+        steady_timer(self, 1.0, self._report)
+
+    @property
+    def lock_step(self) -> bool:
+        """Which of the two clocks; it does not change while the node runs."""
+        return self.config.clock == LOCK_STEP
 
     def check(self, config: C, file: AxisFile) -> None:
         """Raises InputError where valid settings do not go together. For subclasses."""
@@ -123,9 +143,34 @@ class AxisNode(Node, Generic[C]):
         """What keeps the node from answering its last input, "" for nothing. For subclasses; asked while no tick comes."""
         return ""
 
-    def progress(self) -> None:
-        """Count a tick."""
-        self.health.ticks += 1
+    # Rivals, in real time
+
+    def watch_rivals(self, topic: str, contradicted: Callable[[], float]) -> None:
+        """Notice a second publisher of a topic that may have one only.
+
+        A publisher that was killed is remembered by discovery for a while, hence it takes a contradiction as well, heard at
+        the steady time that `contradicted` returns.
+        """
+        if not self._watched and not self.lock_step:
+            steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
+        self._watched[topic] = contradicted
+
+    def _look_for_rivals(self) -> None:
+        now = time.monotonic()
+        for topic, contradicted in self._watched.items():
+            count = self.count_publishers(topic)
+            if count < 2:
+                self.rivals.discard(topic)
+                self.health.well(f"rivals {topic}")
+                continue
+            found = self.get_publishers_info_by_topic(self.resolve_topic_name(topic))
+            names = ", ".join(sorted(f"{item.node_namespace.rstrip('/')}/{item.node_name}" for item in found))
+            if now - contradicted() < RIVALS_REMEMBERED:
+                self.rivals.add(topic)
+                self.health.fail(f"rivals {topic}", f"{count} publishers of {topic} contradict each other: {names}")
+            else:
+                self.rivals.discard(topic)
+                self.health.doubt(f"rivals {topic}", f"{count} publishers of {topic}: {names}")
 
     # Parameters
 
@@ -134,7 +179,10 @@ class AxisNode(Node, Generic[C]):
         try:
             file = self._file_after(changes)
             base = self.config if file is self.file else self._defaults(file)
-            self.check(parameters.with_parameters(base, changes, self.get_name()), file)
+            wanted = parameters.with_parameters(base, changes, self.get_name())
+            if wanted.clock != self.config.clock:
+                raise InputError(self.get_name(), "clock cannot change while the node runs", "a node that is started anew")
+            self.check(wanted, file)
         except TcsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -145,6 +193,9 @@ class AxisNode(Node, Generic[C]):
                 return axis_file(str(item.value))
         return self.file
 
+    changing: frozenset[str] = frozenset()
+    """Names of the parameters that are being set, while `configure` applies them; empty at the start."""
+
     def _apply(self, changes: Sequence[Parameter]) -> None:
         file = self._file_after(changes)
         if file is not self.file:  # another axis brings its own values for everything not named beside it
@@ -153,6 +204,7 @@ class AxisNode(Node, Generic[C]):
             wanted = parameters.with_parameters(base, changes, self.get_name())
             self.set_parameters_atomically(parameters.as_parameters(wanted))
             return
+        self.changing = frozenset(item.name for item in changes)
         self.configure(parameters.with_parameters(self.config, changes, self.get_name()))
 
     # Diagnostics
@@ -160,40 +212,55 @@ class AxisNode(Node, Generic[C]):
     def _report(self) -> None:
         now = time.monotonic()
         self._watch(now)
-        counters = self.health.report(now)
-        level, message = DiagnosticStatus.OK, self.config.clock.replace("_", "-")
-        if self.health.problem:
-            level, message = DiagnosticStatus.ERROR, self.health.problem
-        elif self.health.warning:
-            level, message = DiagnosticStatus.WARN, self.health.warning
-        status = DiagnosticStatus(level=level, name=self.get_fully_qualified_name(), message=message, hardware_id="")
-        status.values = [KeyValue(key=key, value=value) for key, value in counters.items()]
+        level, problem, warning = self.health.level(), self.health.problem, self.health.warning
+        message = "; ".join(filter(None, (problem, warning))) or self.config.clock.replace("_", "-")
+        status = DiagnosticStatus(level=bytes([level]), name=self.get_fully_qualified_name(), message=message, hardware_id="")
+        status.values = [KeyValue(key=key, value=value) for key, value in self.health.report(now).items()]
         report = DiagnosticArray(status=[status])
         report.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(report)
-        if self.health.problem != self._reported_problem:
-            if self.health.problem:
-                self.get_logger().error(self.health.problem)
-            else:
-                self.get_logger().info("all is well again")
-            self._reported_problem = self.health.problem
-        self.health.warning = ""
+        self._log(problem, warning)
+
+    def _log(self, problem: str, warning: str) -> None:
+        """A problem once when it comes and once when it goes; warnings throttled."""
+        if warning:
+            self.get_logger().warning(warning, throttle_duration_sec=WARN_EVERY)
+        if bool(problem) == bool(self._reported):
+            return
+        if problem:
+            self.get_logger().error(problem)
+        else:
+            self.get_logger().info("all is well again")
+        self._reported = problem
 
     _last_progress: tuple[int, float] = (-1, 0.0)
 
     def _watch(self, now: float) -> None:
-        """Notice in lock-step that nothing goes on although something is awaited."""
+        """Notice that nothing goes on although something is awaited, and in real time what comes late."""
+        self._judge(now)
         ticks, since = self._last_progress
         if self.health.ticks != ticks:
             self._last_progress = (self.health.ticks, now)
             self.health.last_tick = now
-            self.health.problem = ""
+            self.health.well("missing", "idle")
             return
-        if self.config.clock != LOCK_STEP or now - since < self.config.time_limit:
+        if now - since < self.config.time_limit:
             return
-        awaited = self.missing()
-        self.health.problem = f"no {awaited} within {self.config.time_limit:g} s" if awaited else ""
-        if not awaited and self.hears:
-            self.health.warning = f"idle: no {self.hears} for {now - since:.0f} s"
+        awaited = self.missing() if self.lock_step else ""
+        if awaited:
+            self.health.well("idle")
+            self.health.fail("missing", f"no {awaited} within {self.config.time_limit:g} s")
+            return
+        self.health.well("missing")
+        if self.hears and self.hears not in self.health.inputs:
+            self.health.doubt("idle", f"idle: no {self.hears} for {now - since:.0f} s")
 
-
+    def _judge(self, now: float) -> None:
+        config = self.config
+        if config.clock == REAL_TIME:
+            limits = (config.period, config.age_limit, config.rate_limit, config.overrun_limit, config.time_limit)
+            self.health.judge(now, Judgement(*limits))
+        if self._simulated_clock and not self.get_clock().now().nanoseconds:
+            self.health.doubt("clock", "use_sim_time is set and there is no /clock: stamps of messages are not known")
+        else:
+            self.health.well("clock")

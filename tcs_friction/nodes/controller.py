@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,31 +13,45 @@ from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
+from tcs_friction.control.fading import FadingInput, Ramp
 from tcs_friction.control.pid import DoubleLoopPid, PidConfig
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
+from tcs_friction.control.plausible import Ranges, compensation_limit, motion_limits, ranges
+from tcs_friction.control.stamps import AnswerRule, Step
+from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.health import Level
+from tcs_friction.nodes.joint_input import JointInput
+from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
-from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE, JointWire
+from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE
+
+COMPENSATION, OBSERVER = "friction_compensation", "friction_estimate"
 
 
 @dataclass(frozen=True)
-class ControllerConfig(PidConfig, ClockConfig):
+class ControllerConfig(PidConfig, Ranges, ManagedConfig):
     """Gains and limits, and what takes part in the loop."""
 
     compensator: bool = switch(True, "a compensator is part of the loop: its torque is added")
     observer: bool = switch(True, "an observer is part of the loop: lock-step waits for its estimate")
     feed_back: bool = switch(False, "add the observer's estimate of friction that is not yet cancelled")
-    age_limit: float = setting(0.1, "s", 1e-3, 10.0, "real time: older inputs are not used")
+    compensation_limit: float = setting(500.0, "N m", 0.0, 1e12, "a larger friction_compensation or residual is refused")
+    following_limit: float = setting(
+        5e-3, "rad", 1e-12, 1e9, "real time: a reference farther than this from the axis is refused"
+    )
 
 
 def defaults(file: AxisFile) -> ControllerConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(ControllerConfig, control.loop, control.controller)
+    pid = control.controller
+    limits = (ranges(file.axis, pid), motion_limits(file.axis, pid))
+    share = compensation_limit(file.axis, pid)
+    return derived(ControllerConfig, control.loop, pid, *limits, compensation_limit=share)
 
 
-class Controller(AxisNode[ControllerConfig]):
+class Controller(ManagedNode[ControllerConfig]):
     """Answers every joint state with one torque command; in lock-step once all inputs of its stamp are there."""
 
     def __init__(self) -> None:
@@ -43,25 +59,49 @@ class Controller(AxisNode[ControllerConfig]):
         self._publisher = self.create_publisher(AxisTorque, "torque_command", PUBLISH)
         self._message = b""
         self._pending = self._done = -1
-        self._position = self._velocity = 0.0
         self._reference: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._reference_stamp = -1
         self._compensation, self._compensation_stamp = 0.0, -1
         self._residual, self._estimate_stamp = 0.0, -1
-        self._pid = DoubleLoopPid(self.config, self.config.period)
+        config = self.config
+        self._pid = DoubleLoopPid(config, config.period)
+        self._state = JointInput(self.health, self.lock_step)
+        self._answers = {name: AnswerRule(config.age_limit) for name in ("reference", COMPENSATION, OBSERVER)}
+        self._faded = {name: FadingInput(config.age_limit, config.ramp_time) for name in (COMPENSATION, OBSERVER)}
+        self._ramp = Ramp(config.ramp_time)
         self.start()
         self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
         self.create_subscription(AxisReference, "reference", self._on_reference, LISTEN, raw=True)
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
         self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, LISTEN, raw=True)
+        self.watch_rivals("joint_states", lambda: self._state.contradicted)
+        for name, rule in self._answers.items():
+            self.watch_rivals(name, functools.partial(getattr, rule, "contradicted"))
 
     def configure(self, config: ControllerConfig) -> None:
         if config.period != self.config.period:
             self._pid = DoubleLoopPid(config, config.period)
         super().configure(config)
         self._pid.configure(config)
-        self._lock_step = config.clock == LOCK_STEP
-        self._wire = JointWire(self.file.axis.name)
+        self._lock_step = self.lock_step
+        self._inertia = self.file.axis.inertia
+        self._state.configure(self.file.axis.name, config)
+        self._ramp.duration = config.ramp_time
+        for rule in self._answers.values():
+            rule.configure(config.age_limit)
+        for faded in self._faded.values():
+            faded.configure(config.age_limit, config.ramp_time)
+        if not self._lock_step:
+            self._expect_inputs()
+
+    def _expect_inputs(self) -> None:
+        """Real time: without a reference there is no torque; without the others there is less accuracy."""
+        self.health.expect("reference", Level.ERROR)
+        for name, wanted in ((COMPENSATION, self.config.compensator), (OBSERVER, self.config.observer)):
+            if wanted:
+                self.health.expect(name, Level.WARN)
+            else:
+                self.health.forget(name)
 
     def missing(self) -> str:
         if self._pending == self._done:
@@ -77,48 +117,74 @@ class Controller(AxisNode[ControllerConfig]):
     # Inputs
 
     def _on_state(self, data: bytes) -> None:
-        stamp, position, velocity, _ = self._wire.read(data)
-        if stamp == self._done:
+        step = self._state.take(data)
+        if step is Step.REFUSED:
+            return
+        stamp = self._state.stamp
+        if not self._lock_step:
+            if step is not Step.REPEATED:
+                self._command_with_latest(stamp, step)
+            return
+        if step is Step.REPEATED and stamp == self._done:
             self.health.repeats += 1
             self._publisher.publish(self._message)
             return
-        if not (math.isfinite(position) and math.isfinite(velocity)):
-            self.health.refuse(f"joint {self.file.axis.name} at {position:g} with speed {velocity:g} refused")
-            return
-        if stamp < self._done:  # the clock went back: a new run
+        if step is Step.NEW_RUN:
             self._pid.reset()
-        self._pending, self._position, self._velocity = stamp, position, velocity
-        if self._lock_step:
-            self._command_when_complete()
-        else:
-            self._command_with_latest(stamp)
+        self._pending = stamp
+        self._command_when_complete()
 
     def _on_reference(self, data: bytes) -> None:
         stamp, numbers = REFERENCE.read(data)
-        if not math.isfinite(sum(numbers)):
-            self.health.refuse("reference {:g}, {:g}, {:g} refused".format(*numbers))
-            return
-        self._reference, self._reference_stamp = numbers, stamp
-        if self._lock_step:
-            self._command_when_complete()
+        objection = self.config.reference_objection(self._inertia, *numbers)
+        if not (objection or self._lock_step):
+            objection = self._out_of_reach(numbers[0])
+        if self._usable("reference", stamp, numbers, objection):
+            self._reference, self._reference_stamp = numbers, stamp
+            if self._lock_step:
+                self._command_when_complete()
 
     def _on_compensation(self, data: bytes) -> None:
-        stamp, (torque,) = TORQUE.read(data)
-        if not math.isfinite(torque):
-            self.health.refuse(f"friction_compensation of {torque:g} N m refused")
-            return
-        self._compensation, self._compensation_stamp = torque, stamp
-        if self._lock_step:
-            self._command_when_complete()
+        stamp, numbers = TORQUE.read(data)
+        limit = self.config.compensation_limit
+        objection = "" if -limit <= numbers[0] <= limit else f"{numbers[0]:g} N m, the limit is {limit:g}"
+        if self._usable(COMPENSATION, stamp, numbers, objection):
+            self._compensation, self._compensation_stamp = numbers[0], stamp
+            if self._lock_step:
+                self._command_when_complete()
+            else:
+                self._faded[COMPENSATION].put(numbers[0], stamp)
 
     def _on_estimate(self, data: bytes) -> None:
-        stamp, (_, _, residual, _) = ESTIMATE.read(data)
-        if not math.isfinite(residual):
-            self.health.refuse(f"friction_estimate with residual {residual:g} N m refused")
-            return
-        self._residual, self._estimate_stamp = residual, stamp
+        stamp, numbers = ESTIMATE.read(data)
+        residual, limit = numbers[2], self.config.compensation_limit
+        if self._usable(OBSERVER, stamp, numbers, self.config.torque_objection(residual)):
+            self._residual, self._estimate_stamp = min(max(residual, -limit), limit), stamp
+            if self._lock_step:
+                self._command_when_complete()
+            else:
+                self._faded[OBSERVER].put(self._residual, stamp)
+
+    def _out_of_reach(self, position: float) -> str:
+        away, limit = abs(position - self._state.position), self.config.following_limit
+        return f"{away:.4g} from the axis, following_limit is {limit:.4g}" if away > limit else ""
+
+    def _usable(self, name: str, stamp: int, numbers: tuple[float, ...], objection: str) -> bool:
+        """Whether an input may be used; what is refused is reported."""
         if self._lock_step:
-            self._command_when_complete()
+            if objection:
+                self.health.refuse(f"{name} refused: {objection}")
+            return not objection
+        now = time.monotonic()
+        if self._state.stamp < 0:
+            return False  # which states it is about is not known yet
+        objection = objection or self._answers[name].objection(stamp, numbers, self._state.stamp, now)
+        if objection:
+            self.health.refuse(f"{name} refused: {objection}")
+            return False
+        if name in self.health.inputs:
+            self.health.heard(name, now)
+        return True
 
     # Commands
 
@@ -130,6 +196,7 @@ class Controller(AxisNode[ControllerConfig]):
             or (config.compensator and self._compensation_stamp != stamp)
             or (config.observer and self._estimate_stamp != stamp)
             or self._done == stamp
+            or not self.active
         ):
             return
         added = self._compensation if config.compensator else 0.0
@@ -138,34 +205,61 @@ class Controller(AxisNode[ControllerConfig]):
         position, velocity, acceleration = self._reference
         self._command(stamp, position, velocity, acceleration, added)
 
-    def _command_with_latest(self, stamp: int) -> None:
-        """Real time: use the latest inputs that are young enough; no torque without a reference."""
-        limit = self.config.age_limit * SECOND
-        age = stamp - self._reference_stamp
-        if self._reference_stamp < 0 or abs(age) > limit:
-            self._pid.reset()
-            self.health.problem = f"no reference within {self.config.age_limit:g} s: commanding zero torque"
-            self._publish(stamp, 0.0)
+    def _command_with_latest(self, stamp: int, step: Step) -> None:
+        """Real time: use the latest inputs that are young enough; no torque without a reference that begins at the axis."""
+        elapsed = (stamp - self._done) / SECOND if self._done >= 0 else 0.0
+        if step is Step.NEW_RUN or elapsed > self.config.age_limit:
+            self._begin_anew(step is Step.NEW_RUN)
+            elapsed = 0.0
+        self._done = stamp
+        if not self.active and self._ramp.value == 0.0:
             return
-        self.health.problem = ""
-        added = 0.0
-        if self.config.compensator and abs(stamp - self._compensation_stamp) <= limit:
-            added = self._compensation
-        if self.config.feed_back and abs(stamp - self._estimate_stamp) <= limit:
-            added += self._residual
-        (position, velocity, acceleration), late = self._reference, age / SECOND
+        age = stamp - self._reference_stamp
+        if self._reference_stamp < 0 or abs(age) > self.config.age_limit * SECOND:
+            self.health.fail("no reference", f"no reference within {self.config.age_limit:g} s: commanding zero torque")
+        else:
+            self.health.well("no reference")
+            if not self.rivals:
+                self._command_in_real_time(stamp, age / SECOND, elapsed)
+                return
+        self._begin_anew(False)
+        self._publish(stamp, 0.0)
+
+    def _begin_anew(self, new_run: bool) -> None:
+        """Forget the past: the next torque comes from zero. A new run has stamps of its own."""
+        self._pid.reset()
+        self._ramp.value = 0.0
+        for faded in self._faded.values():
+            faded.restart()
+        if new_run:
+            self._reference_stamp = -1
+            for rule in self._answers.values():
+                rule.restart()
+
+    def _command_in_real_time(self, stamp: int, late: float, elapsed: float) -> None:
+        """The torque for a reference that is `late` seconds old."""
+        self._pid.share_limit(self._ramp.toward(self.active, elapsed))
+        added = self._faded[COMPENSATION].at(stamp) if self.config.compensator else 0.0
+        if self.config.feed_back:
+            added += self._faded[OBSERVER].at(stamp)
+        position, velocity, acceleration = self._reference
         position += velocity * late + 0.5 * acceleration * late * late
         self._command(stamp, position, velocity + acceleration * late, acceleration, added)
 
     def _command(self, stamp: int, position: float, velocity: float, acceleration: float, added: float) -> None:
-        torque = self._pid.step(self._position, self._velocity, position, velocity, acceleration, added)
+        state = self._state
+        torque = self._pid.step(state.position, state.speed, position, velocity, acceleration, added)
+        if not math.isfinite(torque):
+            self._begin_anew(False)
+            self.health.note("the controller's state left the range of numbers: reset, zero torque")
+            torque = 0.0
         self._publish(stamp, torque)
-        self.health.ticks += 1
 
     def _publish(self, stamp: int, torque: float) -> None:
         self._message = TORQUE.write(stamp, torque)
         self._done = stamp
         self._publisher.publish(self._message)
+        self.health.ticks += 1
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -10,8 +10,10 @@ from tcs_friction_msgs.msg import LugreDirection, LugreParameters
 
 from tcs_friction.control.compensator import CompensatorConfig
 from tcs_friction.control.compensator import LugreParameters as Direction
+from tcs_friction.control.stamps import SECOND
 
-SECOND = 1_000_000_000
+__all__ = ["SECOND", "direction", "fill_direction", "lugre_message", "nanoseconds", "set_stamp"]
+
 NAMES = {"static": "static_friction"}
 """Parameters whose name in the axis file is no legal field name, and the field's name."""
 

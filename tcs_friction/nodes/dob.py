@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,31 +15,39 @@ from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
+from tcs_friction.control.fading import FadingInput
 from tcs_friction.control.observer import FrictionObserver
 from tcs_friction.control.observer_settings import ObserverSettings
+from tcs_friction.control.plausible import Ranges, ranges
+from tcs_friction.control.stamps import AnswerRule, Step
 from tcs_friction.errors import JobError
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.calibration import CalibrationMemory, calibrated
 from tcs_friction.nodes.convert import SECOND, nanoseconds
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
+from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
-from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire
+from tcs_friction.nodes.wire import ESTIMATE, TORQUE
+
+COMPENSATION = "friction_compensation"
 
 
 @dataclass(frozen=True)
-class DobNodeConfig(ObserverSettings, ClockConfig):
+class DobNodeConfig(ObserverSettings, Ranges, ClockConfig):
     """The observer's settings and Switch1 of the paper."""
 
     switch1: bool = switch(False, "Switch1: torque and speed reach the observer")
     compensator: bool = switch(True, "a compensator is part of the loop: its share of the torque is awaited")
+    ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: as the controller's, over which a compensation comes and goes")
     memory: float = setting(600.0, "s", 1.0, 1e5, "for calibration: what is older is forgotten")
 
 
 def defaults(file: AxisFile) -> DobNodeConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(DobNodeConfig, control.loop, control.observer)
+    return derived(DobNodeConfig, control.loop, control.observer, ranges(file.axis, control.controller))
 
 
 class Dob(AxisNode[DobNodeConfig]):
@@ -50,9 +59,10 @@ class Dob(AxisNode[DobNodeConfig]):
         self._message = b""
         self._running = False  # Switch1 at the last tick
         self._done = self._pending = -1
-        self._input = (0.0, 0.0)  # torque held until the pending stamp, speed measured then
-        self._shares: dict[int, float] = {}  # the compensator's torque at the last stamps
-        self._position = math.nan
+        self._state = JointInput(self.health, self.lock_step)
+        self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
+        self._answers = AnswerRule(self.config.age_limit)
+        self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
         self._calibration = CalibrationMemory()
         self._waiter = Waiter(self)
         self.start()
@@ -67,7 +77,14 @@ class Dob(AxisNode[DobNodeConfig]):
     def configure(self, config: DobNodeConfig) -> None:
         super().configure(config)
         self._period_ns = round(config.period * SECOND)
-        self._wire = JointWire(self.file.axis.name)
+        self._state.configure(self.file.axis.name, config)
+        self._answers.configure(config.age_limit)
+        self._faded.configure(config.age_limit, config.ramp_time)
+        if not self.lock_step:
+            if config.compensator:
+                self.health.expect(COMPENSATION, Level.WARN)
+            else:
+                self.health.forget(COMPENSATION)
         self._observer = FrictionObserver(config, config.period)
         self._calibration.configure(config.period, config.memory)
 
@@ -77,39 +94,66 @@ class Dob(AxisNode[DobNodeConfig]):
         return ""
 
     def _on_compensation(self, data: bytes) -> None:
-        stamp, (torque,) = TORQUE.read(data)
-        if not math.isfinite(torque):
-            self.health.refuse(f"friction_compensation of {torque:g} N m refused")
+        stamp, numbers = TORQUE.read(data)
+        objection = self.config.torque_objection(numbers[0])
+        if not self.lock_step and not objection and self._state.stamp >= 0:
+            objection = self._take_in_real_time(stamp, numbers)
+        if objection:
+            self.health.refuse(f"{COMPENSATION} refused: {objection}")
             return
-        self._shares[stamp] = torque
+        if not self.lock_step:
+            return
+        self._shares[stamp] = numbers[0]
         if len(self._shares) > 3:
             del self._shares[next(iter(self._shares))]
         if self._pending != self._done:
             self._estimate()
 
+    def _take_in_real_time(self, stamp: int, numbers: tuple[float, ...]) -> str:
+        """Why the compensator's torque cannot be used, "" when it is."""
+        now = time.monotonic()
+        objection = self._answers.objection(stamp, numbers, self._state.stamp, now)
+        if not objection:
+            self._faded.put(numbers[0], stamp)
+            if COMPENSATION in self.health.inputs:
+                self.health.heard(COMPENSATION, now)
+        return objection
+
     def _on_state(self, data: bytes) -> None:
-        stamp, position, speed, torque = self._wire.read(data)
-        if stamp == self._done:
-            self.health.repeats += 1
-            self._publisher.publish(self._message)
+        step = self._state.take(data)
+        if step is Step.REFUSED:
             return
-        if stamp == self._pending:
-            self.health.repeats += 1
-            self._estimate(give_up=True)
+        if step is Step.REPEATED:
+            self._repeat()
             return
-        if stamp < self._done:  # the clock went back: a new run
-            self._observer.reset()
-            self._shares.clear()
-            self._done = -1
-        if math.isnan(speed):  # a driver that gives none
-            speed = self._difference(position, stamp)
-        if not (math.isfinite(torque) and math.isfinite(speed)):
-            self.health.refuse(f"joint {self.file.axis.name} with torque {torque:g} and speed {speed:g} refused")
+        torque = self._state.torque
+        if self.config.torque_objection(torque):
+            self.health.refuse(f"joint_states refused: {self.config.torque_objection(torque)}")
             return
-        self._calibration.state(stamp, torque, speed)
-        self._input = (torque, speed)
+        stamp = self._state.stamp
+        if step is Step.NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
+            self._begin_anew()
+        self._calibration.state(stamp, torque, self._state.speed)
         self._pending = stamp
         self._estimate()
+
+    def _repeat(self) -> None:
+        """Lock-step: the same answer again, or one without the compensator's share if that is what nobody gives."""
+        if not self.lock_step or self._pending < 0:
+            return
+        self.health.repeats += 1
+        if self._pending == self._done:
+            self._publisher.publish(self._message)
+        else:
+            self._estimate(give_up=True)
+
+    def _begin_anew(self) -> None:
+        """Forget the past: a new run, or in real time a gap that no observer bridges."""
+        self._observer.reset()
+        self._shares.clear()
+        self._answers.restart()
+        self._faded.restart()
+        self._done = -1
 
     def _on_dynamometer(self, message: WrenchStamped) -> None:
         wrench = message.wrench
@@ -133,12 +177,6 @@ class Dob(AxisNode[DobNodeConfig]):
         accuracy = f"{100 * found.accuracy_uniform:.2f} % in uniform motion, {100 * found.accuracy:.2f} % over everything"
         return f"{', '.join(f'{name} {value:.6g}' for name, value in values.items())}; {accuracy}"
 
-    def _difference(self, position: float, stamp: int) -> float:
-        """Speed from this position and the one before."""
-        before, self._position = self._position, position
-        span = (stamp - self._pending) / SECOND
-        return (position - before) / span if math.isfinite(before) and span > 0.0 else 0.0
-
     def _estimate(self, give_up: bool = False) -> None:
         """Publish the estimate for the pending state once the compensator's share of its torque is known."""
         stamp = self._pending
@@ -148,8 +186,10 @@ class Dob(AxisNode[DobNodeConfig]):
                 return
             share = 0.0
         if self.config.switch1:
-            torque, speed = self._input
-            estimate = self._observer.step(torque, speed, share)
+            speed = self._state.speed
+            estimate = self._observer.step(self._state.torque, speed, share)
+            if self.config.torque_objection(estimate):
+                estimate = self._reset_observer(estimate)
             self._message = ESTIMATE.write(stamp, estimate, speed, self._observer.rest, True)
         else:
             if self._running:
@@ -160,13 +200,17 @@ class Dob(AxisNode[DobNodeConfig]):
         self.health.ticks += 1
         self._publisher.publish(self._message)
 
+    def _reset_observer(self, estimate: float) -> float:
+        """Internal state that cannot be is not kept: the observer begins anew with the next state."""
+        self._observer.reset()
+        self.health.note(f"observer reset: its {self.config.torque_objection(estimate)}")
+        return 0.0
+
     def _share(self) -> float | None:
         """The compensator's torque during the period before the pending state, None when it has yet to come."""
         if not self.config.compensator or self._done < 0:
             return 0.0
-        if self.config.clock == LOCK_STEP:
-            return self._shares.get(self._done)
-        return next(reversed(self._shares.values()), 0.0)
+        return self._shares.get(self._done) if self.lock_step else self._faded.at(self._pending)
 
 
 def main(args: Sequence[str] | None = None) -> int:

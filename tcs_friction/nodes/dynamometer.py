@@ -16,6 +16,7 @@ from tcs_friction.nodes.gauge import PROTOCOLS, UNITS, GaugeError, newtons
 from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.qos import PUBLISH
 from tcs_friction.nodes.serial_port import BAUD_RATES, SerialPort
+from tcs_friction.nodes.steady import steady_timer
 
 LOOK = 0.005  # s between two looks at the port
 SEEK = 0.5  # s between two attempts to open it
@@ -65,7 +66,7 @@ class Dynamometer(PlainNode[DynamometerConfig]):
         self._asked = self._sought = 0.0
         self._trouble, self._troubled = "", 0.0
         self._count = {"readings": 0, "refused": 0, "reconnected": -1}
-        self.create_timer(LOOK, self._look)
+        steady_timer(self, LOOK, self._look)
 
     def destroy_node(self) -> None:
         """Give the port back."""

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from tcs_friction.errors import JobError, TcsError
+from tcs_friction.nodes.steady import steady_timer
 
 Result = TypeVar("Result")
 POLL = 0.02  # s
@@ -24,7 +25,7 @@ class Waiter:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._waiting: list[tuple[Callable[[], bool], float, Future]] = []
-        node.create_timer(POLL, self._poll)
+        steady_timer(node, POLL, self._poll)
 
     def _poll(self) -> None:
         now = time.monotonic()

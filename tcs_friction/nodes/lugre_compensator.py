@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,25 +11,30 @@ from tcs_friction_msgs.msg import AxisReference, AxisTorque, LugreParameters
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.compensator import CompensatorConfig, LugreCompensator
-from tcs_friction.control.config_field import switch
+from tcs_friction.control.config_field import setting, switch
+from tcs_friction.control.fading import Ramp
+from tcs_friction.control.plausible import Ranges, ranges
+from tcs_friction.control.stamps import FollowRule, Step
+from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.convert import friction_of
+from tcs_friction.nodes.convert import SECOND, friction_of
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
-from tcs_friction.nodes.wire import REFERENCE, TORQUE
+from tcs_friction.nodes.wire import REFERENCE, TORQUE, message_of
 
 
 @dataclass(frozen=True)
-class CompensatorNodeConfig(CompensatorConfig, ClockConfig):
+class CompensatorNodeConfig(CompensatorConfig, Ranges, ClockConfig):
     """Both directions' parameters and Switch3 of the paper."""
 
     switch3: bool = switch(False, "Switch3: the compensation reaches the controller")
+    ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: the compensation comes and goes with Switch3 over this time")
 
 
 def defaults(file: AxisFile) -> CompensatorNodeConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(CompensatorNodeConfig, control.loop, control.compensator)
+    return derived(CompensatorNodeConfig, control.loop, control.compensator, ranges(file.axis, control.controller))
 
 
 class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
@@ -41,37 +46,80 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._message = b""
         self._stamp = -1
         self._compensator = LugreCompensator(self.config, self.config.period)
+        self._rule = FollowRule(self.lock_step)
+        self._ramp = Ramp(self.config.ramp_time)
+        if not self.lock_step:
+            self.health.expect("reference")
         self.start()
         self.create_subscription(AxisReference, "reference", self._on_reference, LISTEN, raw=True)
-        self.create_subscription(LugreParameters, "lugre_parameters", self._on_parameters, LATCHED)
+        self.create_subscription(LugreParameters, "lugre_parameters", self._on_parameters, LATCHED, raw=True)
 
     def configure(self, config: CompensatorNodeConfig) -> None:
         if config.period != self.config.period:
             self._compensator = LugreCompensator(config, config.period)
         super().configure(config)
         self._compensator.configure(config)
+        self._inertia = self.file.axis.inertia
+        self._ramp.duration = config.ramp_time
+        self._rule.configure(config.age_limit, config.patience, period=config.period)
+
+    def check(self, config: CompensatorNodeConfig, file: AxisFile) -> None:  # noqa: ARG002
+        for way in ("positive", "negative"):
+            friction = getattr(config, way)
+            objection = config.torque_objection(max(friction.coulomb, friction.static))
+            if objection:
+                raise InputError(f"{self.get_name()}: {way}", objection)
 
     hears = "reference"
 
     def _on_reference(self, data: bytes) -> None:
-        stamp, (_, velocity, acceleration) = REFERENCE.read(data)
-        if stamp == self._stamp:
-            self.health.repeats += 1
-            self._publisher.publish(self._message)
+        stamp, numbers = REFERENCE.read(data)
+        objection = self.config.reference_objection(self._inertia, *numbers)
+        if objection:
+            self.health.refuse(f"reference refused: {objection}")
             return
-        if not (math.isfinite(velocity) and math.isfinite(acceleration)):
-            self.health.refuse(f"reference with speed {velocity:g}, acceleration {acceleration:g} refused")
+        now = 0.0 if self.lock_step else time.monotonic()
+        step = self._rule.judge(stamp, now=now)
+        if step is Step.REFUSED:
+            if self._rule.reason:
+                self.health.refuse(f"reference refused: {self._rule.reason}")
             return
-        if stamp < self._stamp or not self.config.switch3:  # a new run
-            self._compensator.reset()
-        on = self.config.switch3
-        self._message = TORQUE.write(stamp, self._compensator.step(velocity, acceleration) if on else 0.0)
+        if step is Step.REPEATED:
+            if self.lock_step:
+                self.health.repeats += 1
+                self._publisher.publish(self._message)
+            return
+        if not self.lock_step:
+            self.health.heard("reference", now, self.config.period)
+        self._message = TORQUE.write(stamp, self._torque(stamp, step, *numbers[1:]))
         self._stamp = stamp
         self.health.ticks += 1
         self._publisher.publish(self._message)
 
-    def _on_parameters(self, message: LugreParameters) -> None:
+    def _torque(self, stamp: int, step: Step, velocity: float, acceleration: float) -> float:
+        """The compensation, 0 while Switch3 is off; in real time it comes and goes over `ramp_time`."""
+        on = self.config.switch3
+        share = 1.0 if on else 0.0
+        if not self.lock_step:
+            late = step is Step.NEW_RUN or stamp - self._stamp > self.config.age_limit * SECOND
+            share = self._ramp.toward(on, 0.0 if late else (stamp - self._stamp) / SECOND)
+        if step is Step.NEW_RUN or not share:
+            self._compensator.reset()
+        if not share:
+            return 0.0
+        torque = share * self._compensator.step(velocity, acceleration)
+        if self.config.torque_objection(torque):
+            self._compensator.reset()
+            self.health.note(f"compensation reset: {self.config.torque_objection(torque)}")
+            return 0.0
+        return torque
+
+    def _on_parameters(self, data: bytes) -> None:
         """Identified parameters become this node's parameters, all of them or none."""
+        message = message_of(data, LugreParameters)
+        if message is None:
+            self.health.refuse("lugre_parameters refused: not readable")
+            return
         values = friction_of(message)
         result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
         if result.successful:

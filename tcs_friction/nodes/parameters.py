@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -12,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tcs_friction.control.config_field import Setting, parts, settings, validate
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, nearest
 
 Config = TypeVar("Config")
 
@@ -77,6 +79,35 @@ def _given(node: Node, entry: Setting, name: str, value: Any) -> Any:
         return node.declare_parameter(name, value, descriptor(entry)).value
     found = node.declare_parameter(name, list(value) or [""], descriptor(entry)).value
     return tuple(item for item in found if item)
+
+
+def refuse_unknown(node: Node) -> None:
+    """Raises InputError for a parameter given at the start that no node has: a misspelt limit must not pass as the default.
+
+    What another node of the graph has is no mistake, for arguments may be meant for all nodes.
+    """
+    own = node._parameters
+    for name in node._parameter_overrides:
+        if name not in own and not name.startswith("qos_overrides.") and not of_another_node(name):
+            expected = nearest(name, [entry for entry in own if not entry.startswith("qos_overrides.")])
+            raise InputError(node.get_name(), f"no parameter {name}", expected)
+
+
+def of_another_node(name: str) -> bool:
+    """Whether some node of the package has this parameter. Nodes are imported one after the other until one has."""
+    graph = importlib.import_module("tcs_friction.nodes.graph")
+    modules = (importlib.import_module(f"tcs_friction.nodes.{node}") for node in graph.node_names())
+    return any(name in _names(kind) for module in modules for kind in _configurations(module))
+
+
+def _configurations(module: ModuleType) -> list[type[Any]]:
+    own = [kind for kind in vars(module).values() if isinstance(kind, type) and kind.__module__ == module.__name__]
+    return [kind for kind in own if is_dataclass(kind) and kind.__name__.endswith("Config")]
+
+
+def _names(kind: type[Any], prefix: str = "") -> set[str]:
+    own = {prefix + entry.name for entry in settings(kind)}
+    return own.union(*(_names(part, f"{prefix}{name}.") for name, part in parts(kind).items()))
 
 
 def as_parameters(config: Any) -> list[Parameter]:

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from tcs_friction.nodes import parameters
+from tcs_friction.nodes.steady import steady_timer
 
 C = TypeVar("C")
 
@@ -19,8 +20,9 @@ class PlainNode(Node, Generic[C]):
     def __init__(self, name: str, defaults: C) -> None:
         super().__init__(name, namespace="azimuth", enable_rosout=False)
         self.config: C = parameters.declare(self, defaults, fixed=True)
+        parameters.refuse_unknown(self)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(1.0, self._report)
+        steady_timer(self, 1.0, self._report)
 
     def condition(self) -> tuple[str, dict[str, str]]:
         """What is wrong ("" for nothing), and counters. For subclasses."""

@@ -1,7 +1,13 @@
-"""The simulated axis: takes torque, gives joint states. In real time it behaves like a driver, watchdog included."""
+"""The simulated axis: takes torque, gives joint states. In real time it behaves like a driver, watchdog included.
+
+In real time the simulation follows the steady clock: what is late is caught up under the torque that would have acted
+meanwhile, and stamps are simulated time since the start, so that position, speed and stamps always agree. A step of ROS
+time changes nothing.
+"""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,19 +20,26 @@ from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived
+from tcs_friction.control.fading import Ramp
+from tcs_friction.control.stamps import AnswerRule
+from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND, set_stamp
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.health import Level
+from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire
 from tcs_friction.physics.simulate import Simulator
 
-REPEAT_AFTER = 0.25  # s of wall time without a command
+COMMAND = "torque_command"
+REPEAT_AFTER = 0.25  # s of steady time without a command
+CATCH_UP = 2.0  # s of simulated time that are caught up at once
 TEMPERATURE_EVERY = 1.0  # s
 
 
 @dataclass(frozen=True)
-class PlantConfig(ClockConfig):
+class PlantConfig(ManagedConfig):
     """Settings of the simulated axis. A new seed, position, period or axis starts it anew at time 0."""
 
     seed: int = setting(0, "", 0, 2**31 - 1, "seed of torque and encoder noise")
@@ -46,7 +59,7 @@ def defaults(file: AxisFile) -> PlantConfig:
     return derived(PlantConfig, control.loop, command_limit=10.0 * control.controller.torque_limit)
 
 
-class Plant(AxisNode[PlantConfig]):
+class Plant(ManagedNode[PlantConfig]):
     """Lock-step: advances one period when the command for its stamp has come. Real time: on a timer."""
 
     def __init__(self) -> None:
@@ -58,19 +71,26 @@ class Plant(AxisNode[PlantConfig]):
         self._made: tuple[object, ...] = ()
         self._timer = None
         self._command: float | None = None
-        self._commanded = 0.0  # wall time of the last good command
+        self._commanded = -math.inf  # steady time of the last good command
+        self._answers = AnswerRule(self.config.age_limit)
+        self._ramp = Ramp(self.config.ramp_time)
+        if not self.lock_step:
+            self.health.expect(COMMAND, Level.WARN)
         self.start()
         self.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_timer(REPEAT_AFTER, self._repeat)
+        steady_timer(self, REPEAT_AFTER, self._repeat)
+        self.watch_rivals(COMMAND, lambda: self._answers.contradicted)
 
-    hears = "torque_command"
+    hears = COMMAND
 
     def check(self, config: PlantConfig, file: AxisFile) -> None:
         self._make(config, file)
 
     def configure(self, config: PlantConfig) -> None:
         super().configure(config)
+        self._answers.configure(config.age_limit)
+        self._ramp.duration = config.ramp_time
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
         self._reading_ticks = max(1, round(1.0 / (config.dynamometer * config.period))) if config.dynamometer else 0
@@ -80,13 +100,12 @@ class Plant(AxisNode[PlantConfig]):
             self._restart()
             if self._timer is not None:
                 self.destroy_timer(self._timer)
-            real = config.clock != LOCK_STEP
-            self._timer = self.create_timer(config.period, self._on_timer) if real else None
-        elif self._command is not None and config.clock == LOCK_STEP:
+            self._timer = None if self.lock_step else steady_timer(self, config.period, self._on_timer)
+        elif self._command is not None and self.lock_step:
             self._go_on()  # it may have been waiting at the old run_until
 
     def missing(self) -> str:
-        if self._command is not None:
+        if self._command is not None or not self.active:
             return ""
         return f"acceptable torque_command for {self._stamp / SECOND:.6f} s{self._refusal}"
 
@@ -102,7 +121,11 @@ class Plant(AxisNode[PlantConfig]):
         self._applied = 0.0
         self._command = None
         self._refusal = ""
-        self._publish(0)
+        self._began = time.monotonic()
+        self._origin = 0 if self.lock_step else self.get_clock().now().nanoseconds
+        self._ramp.value = 0.0
+        self._answers.restart()
+        self._publish(self._origin)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Back to rest at the start position, time 0, the same noise."""
@@ -110,21 +133,29 @@ class Plant(AxisNode[PlantConfig]):
         response.success = True
         return response
 
+    def state_changed(self) -> None:
+        if self.active:
+            self._command = None
+
     def _on_command(self, data: bytes) -> None:
-        stamp, (torque,) = TORQUE.read(data)
-        lock_step = self.config.clock == LOCK_STEP
-        if lock_step and stamp != self._stamp:
-            return  # an answer to a repeated state that had been answered already
-        if not -self.config.command_limit <= torque <= self.config.command_limit:
-            self._refusal = f" ({torque:g} N m was refused, the limit is {self.config.command_limit:g})"
-            self.health.refuse(f"torque_command{self._refusal}")
+        stamp, numbers = TORQUE.read(data)
+        if not self.active or (self.lock_step and stamp != self._stamp):
+            return  # in lock-step, an answer to a repeated state that had been answered already
+        torque, limit, now = numbers[0], self.config.command_limit, time.monotonic()
+        objection = "" if -limit <= torque <= limit else f"{torque:g} N m was refused, the limit is {limit:g}"
+        if not (self.lock_step or objection):
+            objection = self._answers.objection(stamp, numbers, self._stamp, now)
+        if objection:
+            self._refusal = f" ({objection})"
+            self.health.refuse(f"{COMMAND}{self._refusal}")
             return
         self._refusal = ""
         self._command = torque
-        if lock_step:
+        if self.lock_step:
             self._go_on()
         else:
-            self._commanded = time.monotonic()
+            self._commanded = now
+            self.health.heard(COMMAND, now)
 
     def _go_on(self) -> None:
         """Lock-step: advance unless the end of the run is reached."""
@@ -136,16 +167,39 @@ class Plant(AxisNode[PlantConfig]):
         self._publish(self._stamp)
 
     def _on_timer(self) -> None:
-        """Real time: one period under the latest command, or under none when that is too old."""
-        now = time.monotonic()
-        silent = self._command is None or now - self._commanded > self.config.watchdog
-        if self.health.last_tick and now - self.health.last_tick > 2.0 * self.config.period:
+        """Real time: all the periods that are over, under the torque that acted in each of them."""
+        now, period = time.monotonic(), self.config.period
+        if not self.configured:
+            self._began = now - self._index * period
+            return
+        due = math.floor((now - self._began) / period)
+        if due - self._index > round(CATCH_UP / period):
+            late = now - self._began - self._index * period
+            self.health.note(f"the simulation stood still for {late:.3g} s and is late by that: this run is void")
+            self._began += late - CATCH_UP
+            due = self._index + round(CATCH_UP / period)
+        elif due - self._index > 2:
             self.health.overruns += 1
-        self._advance(0.0 if silent or self._command is None else self._command)
-        self.health.last_tick = now
-        if silent:
-            self.health.warning = f"no torque_command for {self.config.watchdog:g} s: holding zero torque"
-        self._publish(self.get_clock().now().nanoseconds)
+        while self._index < due:
+            self._advance(self._torque_at(self._began + self._index * period))
+            self._stamp = self._origin + round(self._index * period * SECOND)
+            self._publish_others(self._stamp)
+        self._publish_state(self._stamp)
+
+    def _torque_at(self, moment: float) -> float:
+        """What acts in the period that begins at a steady time. Torque comes back over `ramp_time` from wherever it was cut."""
+        reason = self._why_none(moment)
+        if reason:
+            self._ramp.value = 0.0
+            self.health.doubt("holding", f"holding zero torque: {reason}")
+            return 0.0
+        self.health.well("holding")
+        return self._ramp.toward(self.active, self.config.period) * (self._command or 0.0)
+
+    def _why_none(self, moment: float) -> str:
+        if self._command is None or moment - self._commanded > self.config.watchdog:
+            return f"no {COMMAND} for {self.config.watchdog:g} s"
+        return "contradicting commands" if self.rivals else ""
 
     def _advance(self, torque: float) -> None:
         self._applied = self._simulator.step(torque, self.config.temperature)
@@ -153,6 +207,11 @@ class Plant(AxisNode[PlantConfig]):
         self.health.ticks += 1
 
     def _publish(self, stamp: int) -> None:
+        self._stamp = stamp
+        self._publish_state(stamp)
+        self._publish_others(stamp)
+
+    def _publish_state(self, stamp: int) -> None:
         simulator = self._simulator
         self._state = self._wire.write(
             stamp, simulator.measured_position, simulator.measured_velocity, self._applied
@@ -161,6 +220,9 @@ class Plant(AxisNode[PlantConfig]):
         if self.config.truth:
             truth = (simulator.friction, simulator.velocity, simulator.opposing, True)
             self._truths.publish(ESTIMATE.write(stamp, *truth))
+
+    def _publish_others(self, stamp: int) -> None:
+        """What comes at a rate of its own."""
         if self._reading_ticks and self._index % self._reading_ticks == 0:
             self._publish_reading(stamp)
         if self._index % self._temperature_ticks == 0:
@@ -184,7 +246,7 @@ class Plant(AxisNode[PlantConfig]):
 
     def _repeat(self) -> None:
         """Lock-step: say again what nobody has answered, for a message may be lost and a node may have started late."""
-        if self.config.clock != LOCK_STEP or self._command is not None:
+        if not self.lock_step or self._command is not None:
             return
         if self._repeated == self._stamp:
             self.health.repeats += 1

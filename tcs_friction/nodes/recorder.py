@@ -22,6 +22,7 @@ from tcs_friction.nodes.bag_topics import (
 )
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.plain_node import PlainNode
+from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.encode import known_definition
 from tcs_friction.recording.record import BagRecorder, definition_text
@@ -58,8 +59,8 @@ class RecorderNode(PlainNode[RecorderConfig]):
         self._now: Callable[[], int] = time.time_ns
         if self.get_parameter("use_sim_time").value:
             self._now = lambda: int(self.get_clock().now().nanoseconds)
-        self.create_timer(config.discovery_period, self._discover)
-        self.create_timer(config.flush_period, self.bag.flush)
+        steady_timer(self, config.discovery_period, self._discover)
+        steady_timer(self, config.flush_period, self.bag.flush)
         self.get_logger().info(f"recording into {path}")
         self._discover()
 

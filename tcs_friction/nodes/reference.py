@@ -6,23 +6,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisReference
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control import reference as core
-from tcs_friction.control.config_field import choice, text
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode, ClockConfig, control_of, derived, reference_file
+from tcs_friction.control.config_field import choice, switch, text
+from tcs_friction.control.joining import JoinedReference, Phase, check_programme
+from tcs_friction.control.plausible import MotionLimits, Ranges, motion_limits, ranges
+from tcs_friction.control.stamps import Step
+from tcs_friction.errors import TcsError
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, reference_file
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
-from tcs_friction.nodes.wire import REFERENCE, JointWire
+from tcs_friction.nodes.wire import REFERENCE
 
 
 @dataclass(frozen=True)
-class ReferenceConfig(ClockConfig):
-    """Which reference; `reference_file` wins over `kind` while it is set."""
+class ReferenceConfig(MotionLimits, Ranges, ClockConfig):
+    """Which reference, and how it may move the axis; `reference_file` wins over `kind` while it is set."""
 
     reference_file: str = text("", "reference file, a path or a name in the package's config folder; empty for `kind`")
+    begin_at_once: bool = switch(False, "real time: begin when the axis is heard; else by ~/start or by setting the reference")
     kind: str = choice("sinusoid", tuple(core.KINDS), "which of the references below")
     hold: core.Hold = field(default_factory=core.Hold)
     constant_speed: core.ConstantSpeed = field(default_factory=core.ConstantSpeed)
@@ -44,49 +51,131 @@ def chosen(config: ReferenceConfig) -> core.Reference:
 
 def defaults(file: AxisFile) -> ReferenceConfig:
     """The settings that an axis file implies."""
-    return derived(ReferenceConfig, control_of(file).loop)
+    control = control_of(file)
+    pid = control.controller
+    return derived(ReferenceConfig, control.loop, ranges(file.axis, pid), motion_limits(file.axis, pid))
+
+
+def programme_of(config: ReferenceConfig) -> tuple[object, ...]:
+    """What makes two configurations mean the same reference."""
+    return config.reference_file, config.kind, getattr(config, config.kind)
 
 
 class ReferenceNode(AxisNode[ReferenceConfig]):
-    """In lock-step the reference's time is that of the stamps; in real time it starts with the first joint state."""
+    """In lock-step the reference's time is that of the stamps.
+
+    In real time the reference rests where the axis is. A programme begins on the service ~/start, and when a parameter that
+    says which reference is set; ~/stop brings it to rest.
+    """
 
     def __init__(self) -> None:
         super().__init__("reference", defaults)
         self._publisher = self.create_publisher(AxisReference, "reference", PUBLISH)
         self._message = b""
-        self._stamp = -1
-        self._origin = 0
+        self._state = JointInput(self.health, self.lock_step)
+        self._joined = JoinedReference(self.config)
+        self._origin = 0  # ns, time 0 of `_joined`
+        self._waiting = self.config.begin_at_once  # to begin as soon as the axis is heard
         self.start()
         self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.create_service(Trigger, "~/start", self._on_start)
+        self.create_service(Trigger, "~/stop", self._on_stop)
 
     def check(self, config: ReferenceConfig, file: AxisFile) -> None:  # noqa: ARG002
-        chosen(config)
+        wanted = chosen(config)
+        if not self.lock_step:
+            check_programme(wanted, config)
 
     def configure(self, config: ReferenceConfig) -> None:
+        before = self.config
         super().configure(config)
         self._reference = chosen(config)
-        self._wire = JointWire(self.file.axis.name)
+        self._state.configure(self.file.axis.name, config)
         self._period_ns = config.period * SECOND
-        if config.clock != LOCK_STEP:
-            self._stamp = -1  # a new reference starts at its own time 0
+        self._joined.limits = config
+        if not self.lock_step and (programme_of(config) != programme_of(before) or "reference_file" in self.changing):
+            self._begin()
+
+    # Real time: begin and stop
+
+    def _begin(self) -> str:
+        """Join the programme, now or when the axis is heard; returns what will happen."""
+        self._waiting = self._state.stamp < 0
+        if self._waiting:
+            return "begins when the axis is heard"
+        try:
+            seconds = self._joined.join(self._seconds(), self._reference)
+        except TcsError as error:
+            self.health.note(str(error))
+            return str(error)
+        return f"joins its programme in {seconds:.3f} s"
+
+    def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin the programme anew."""
+        if self.lock_step:
+            response.message = "in lock-step the reference has the time of the plant's stamps: use plant/reset"
+            return response
+        response.message = self._begin()
+        response.success = self._joined.phase is Phase.JOINING or self._waiting
+        return response
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Come to rest."""
+        if self.lock_step:
+            response.message = "in lock-step the plant stops: set its run_until"
+            return response
+        self._waiting, response.success = False, True
+        seconds = self._joined.stop(self._seconds()) if self._state.stamp >= 0 else 0.0
+        response.message = f"at rest in {seconds:.3f} s"
+        return response
+
+    # Answers
 
     def _on_state(self, data: bytes) -> None:
-        stamp = self._wire.read(data)[0]
-        if stamp == self._stamp:
+        before = self._state.stamp
+        step = self._state.take(data)
+        stamp = self._state.stamp
+        if step is Step.REFUSED or (step is Step.REPEATED and not self.lock_step):
+            return
+        if step is Step.REPEATED:
             self.health.repeats += 1
         else:
-            self._message = REFERENCE.write(stamp, *self._reference.at(self._time(stamp)))
-            self._stamp = stamp
+            at = self._reference.at(self._lock_step_time(stamp)) if self.lock_step else self._safe(before, stamp, step)
+            self._message = REFERENCE.write(stamp, *at)
             self.health.ticks += 1
         self._publisher.publish(self._message)
 
-    def _time(self, stamp: int) -> float:
-        """Seconds of the reference. In lock-step a whole number of periods, as in the offline loop, to the last bit."""
-        if self.config.clock == LOCK_STEP:
-            return self.config.period * round(stamp / self._period_ns)
-        if self._stamp < 0 or stamp < self._stamp:
+    def _lock_step_time(self, stamp: int) -> float:
+        """Seconds of the reference: a whole number of periods, as in the offline loop, to the last bit."""
+        return self.config.period * round(stamp / self._period_ns)
+
+    def _seconds(self) -> float:
+        """Seconds of the newest state."""
+        return (self._state.stamp - self._origin) / SECOND
+
+    def _safe(self, before: int, stamp: int, step: Step) -> tuple[float, float, float]:
+        """Real time: the reference, begun anew where the axis is when it has lost the axis."""
+        state, joined = self._state, self._joined
+        if step is Step.NEW_RUN:
             self._origin = stamp
-        return (stamp - self._origin) / SECOND
+            joined.begin_at(0.0, state.position, state.speed)
+            if self._waiting:
+                self._begin()
+        elif stamp - before > self.config.age_limit * SECOND:
+            self._give_up(f"no joint_states for {(stamp - before) / SECOND:.3g} s")
+        at = joined.at(self._seconds())
+        away = abs(at[0] - state.position)
+        if away > self.config.following_limit:
+            self._give_up(f"the axis was {away:.4g} away, following_limit is {self.config.following_limit:.4g}")
+            at = joined.at(self._seconds())
+        self.health.values["phase"] = joined.phase.value
+        return at
+
+    def _give_up(self, reason: str) -> None:
+        """Begin anew where the axis is, and rest."""
+        phase = self._joined.phase.value
+        self._joined.begin_at(self._seconds(), self._state.position, self._state.speed)
+        self.health.note(f"reference given up while {phase}: {reason}; it rests where the axis is")
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -2,7 +2,8 @@
 
 Making a message object of every message received costs more than everything else in a tick, the axis included. The messages
 of the loop have fixed layouts in CDR, the encoding of ROS 2 on the wire, so they are packed and unpacked here; a
-message laid out otherwise (a frame name, big-endian) goes the long way, with the same result.
+message laid out otherwise (a frame name, big-endian) goes the long way, with the same result. One that cannot be read at all has
+the stamp UNREADABLE, which no rule accepts, and numbers that are NaN.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 import struct
 from typing import Any
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
@@ -19,6 +21,7 @@ from tcs_friction.nodes.convert import SECOND, nanoseconds
 
 Numbers = tuple[float, ...]
 
+UNREADABLE = -1
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # CDR encapsulation header
 _NO_FRAME = 1  # length of an empty string with its terminator
 
@@ -28,6 +31,7 @@ class Wire:
 
     def __init__(self, kind: Any, numbers: tuple[str, ...], flag: str = "") -> None:
         self.kind = kind
+        self._numbers = numbers
         self._names = (*numbers, flag) if flag else numbers
         self._layout = struct.Struct(f"<4siII4x{len(numbers)}d{'?' if flag else ''}")
 
@@ -37,7 +41,9 @@ class Wire:
             order, seconds, rest, frame, *numbers = self._layout.unpack_from(data)
             if order == _LITTLE_ENDIAN and frame == _NO_FRAME:
                 return seconds * SECOND + rest, tuple(numbers)
-        message = deserialize_message(data, self.kind)
+        message = message_of(data, self.kind)
+        if message is None:
+            return UNREADABLE, (math.nan,) * len(self._numbers) + (False,) * (len(self._names) - len(self._numbers))
         return nanoseconds(message.header.stamp), tuple(getattr(message, name) for name in self._names)
 
     def write(self, stamp: int, *numbers: float) -> bytes:
@@ -76,9 +82,16 @@ class JointWire:
                 return seconds * SECOND + rest, position, velocity, effort
         return self._read_other(data)
 
+    def is_about(self, data: bytes) -> bool:
+        """Whether a message speaks of this joint; one that cannot be read may."""
+        message = message_of(data, JointState)
+        return message is None or not message.name or self.joint in message.name
+
     def _read_other(self, data: bytes) -> tuple[int, float, float, float]:
         """The long way; remembers the layout if the next message can go the short one."""
-        message = deserialize_message(data, JointState)
+        message = message_of(data, JointState)
+        if message is None:
+            return UNREADABLE, math.nan, math.nan, math.nan
         names = list(message.name)
         index = names.index(self.joint) if self.joint in names else (-1 if names else 0)
         arrays = (message.position, message.velocity, message.effort)
@@ -90,6 +103,14 @@ class JointWire:
                 self._layout, self._prefix, self._counts = layout, prefix, counts
         values = [array[index] if 0 <= index < len(array) else math.nan for array in arrays]
         return nanoseconds(message.header.stamp), values[0], values[1], values[2]
+
+
+def message_of(data: bytes, kind: Any) -> Any:
+    """The message object of some bytes, None when they are none."""
+    try:
+        return deserialize_message(data, kind)
+    except rclpy_implementation.RMWError:
+        return None
 
 
 def _prefix_length(data: bytes) -> int:

@@ -1,0 +1,52 @@
+"""Real time: what appears or goes away does so over a stated time, never in a step."""
+
+from __future__ import annotations
+
+from tcs_friction.control.stamps import SECOND
+
+
+class Ramp:
+    """A factor from 0 to 1 that takes `duration` seconds from one end to the other."""
+
+    def __init__(self, duration: float) -> None:
+        self.duration = duration
+        self.value = 0.0
+
+    def toward(self, on: bool, elapsed: float) -> float:
+        """The factor after `elapsed` more seconds on the way to 1 (on) or 0."""
+        step = elapsed / self.duration if self.duration > 0.0 else 1.0
+        self.value = min(1.0, self.value + step) if on else max(0.0, self.value - step)
+        return self.value
+
+
+class FadingInput:
+    """The latest value of an input that may stop: used while it is young, faded out when it stays away, faded in again."""
+
+    def __init__(self, age_limit: float, fade_time: float) -> None:
+        self._ramp = Ramp(fade_time)
+        self.configure(age_limit, fade_time)
+        self.restart()
+
+    def configure(self, age_limit: float, fade_time: float) -> None:
+        """Other times, s."""
+        self._limit = age_limit
+        self._ramp.duration = fade_time
+
+    def restart(self) -> None:
+        """Nothing has come yet."""
+        self._value, self._stamp, self._asked = 0.0, -1, -1
+        self._ramp.value = 0.0
+
+    def put(self, value: float, stamp: int) -> None:
+        """A new value, of a state's stamp (ns)."""
+        self._value, self._stamp = value, stamp
+
+    def fresh(self, stamp: int) -> bool:
+        """Whether the value is young enough at a stamp."""
+        return self._stamp >= 0 and abs(stamp - self._stamp) <= self._limit * SECOND
+
+    def at(self, stamp: int) -> float:
+        """What to use at a stamp; to be asked at every tick."""
+        elapsed = min(max(stamp - self._asked, 0) / SECOND, self._limit) if self._asked >= 0 else 0.0
+        self._asked = stamp
+        return self._value * self._ramp.toward(self.fresh(stamp), elapsed)

@@ -1,0 +1,83 @@
+"""Joint states as the nodes of the loop take them: of one joint, in range, in order; what is refused is reported."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Protocol
+
+from tcs_friction.control.stamps import SECOND, FollowRule, Step
+from tcs_friction.nodes.health import Health
+from tcs_friction.nodes.wire import JointWire
+
+TOPIC = "joint_states"
+
+
+class Settings(Protocol):
+    """What a node's configuration says about its inputs: a ClockConfig with Ranges."""
+
+    @property
+    def period(self) -> float: ...
+    @property
+    def age_limit(self) -> float: ...
+    @property
+    def patience(self) -> float: ...
+    @property
+    def largest_speed(self) -> float: ...
+    def state_objection(self, position: float, speed: float) -> str: ...
+
+
+class JointInput:
+    """The newest acceptable state of a joint. A driver that gives no speed gets the difference of its positions."""
+
+    def __init__(self, health: Health, lock_step: bool) -> None:
+        self.stamp = -1
+        self.position = self.speed = self.torque = math.nan
+        self.contradicted = -math.inf
+        """When a state was heard last that contradicts the others, steady time: a second publisher does that."""
+        self._health, self._lock_step = health, lock_step
+        self._rule = FollowRule(lock_step)
+        self._wire = JointWire("")
+        if not lock_step:
+            health.expect(TOPIC)
+
+    def configure(self, joint: str, config: Settings) -> None:
+        """Another joint or other limits; what was heard stays."""
+        self._config = config
+        self._rule.configure(config.age_limit, config.patience, config.largest_speed, config.period)
+        if joint != self._wire.joint:
+            self._wire = JointWire(joint)
+
+    def take(self, data: bytes) -> Step:
+        """Judge a serialised JointState; the attributes are those of the newest state that was not refused."""
+        stamp, position, speed, torque = self._wire.read(data)
+        if speed != speed:
+            speed = self._difference(stamp, position)
+        objection = self._config.state_objection(position, speed)
+        if objection:
+            if position == position or self._wire.is_about(data):
+                self._health.refuse(f"{TOPIC} refused: {objection}" if stamp >= 0 else f"{TOPIC} refused: not readable")
+            return Step.REFUSED
+        now = 0.0 if self._lock_step else time.monotonic()
+        step = self._rule.judge(stamp, position, now)
+        if step is Step.NEXT or step is Step.NEW_RUN:
+            self.stamp, self.position, self.speed, self.torque = stamp, position, speed, torque
+            if not self._lock_step:
+                self._health.heard(TOPIC, now, self._config.period)
+        elif step is Step.REFUSED:
+            self._refuse(self._rule.reason, now)
+        elif not self._lock_step and position != self.position:
+            self._refuse("two positions with one stamp", now)
+        return step
+
+    def _refuse(self, reason: str, now: float) -> None:
+        if reason:
+            self._health.refuse(f"{TOPIC} refused: {reason}")
+            self.contradicted = now
+
+    def _difference(self, stamp: int, position: float) -> float:
+        """Speed from this position and the one before; 0 for the first."""
+        span = (stamp - self.stamp) / SECOND
+        if self.stamp < 0 or span < 0.0:
+            return 0.0
+        return (position - self.position) / span if span > 0.0 else self.speed

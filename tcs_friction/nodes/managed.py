@@ -1,0 +1,79 @@
+"""Nodes that decide whether there is torque: managed by the life cycle of ROS 2, with torque only while active.
+
+    unconfigured --configure--> inactive --activate--> active --deactivate--> inactive --cleanup--> unconfigured
+
+The services are those of every managed node (`ros2 lifecycle set /azimuth/controller deactivate`). In real time torque comes
+and goes over `ramp_time`: after `deactivate` it is gone when that has passed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+
+from tcs_friction.config import AxisFile
+from tcs_friction.control.config_field import setting, switch
+from tcs_friction.nodes.base import AxisNode, ClockConfig
+
+
+@dataclass(frozen=True)
+class ManagedConfig(ClockConfig):
+    """How a managed node starts, and how its torque comes and goes."""
+
+    auto_activate: bool = switch(True, "configure and activate at the start; else a life-cycle manager does")
+    ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: torque and compensation come and go over this time")
+
+
+C = TypeVar("C", bound=ManagedConfig)
+
+
+class ManagedNode(LifecycleNodeMixin, AxisNode[C]):
+    """An AxisNode with a life cycle. Subclasses ask `active` and `configured`, and hear of changes in `state_changed`."""
+
+    def __init__(self, name: str, defaults: Callable[[AxisFile], C]) -> None:
+        AxisNode.__init__(self, name, defaults)
+        self.configured = self.active = False
+        LifecycleNodeMixin.__init__(self)
+
+    def start(self) -> None:
+        super().start()
+        self._change(False, False)
+        if self.config.auto_activate:
+            self.trigger_configure()
+            self.trigger_activate()
+            self.health.forget_events()  # of no interest: nobody has deactivated anything
+
+    def state_changed(self) -> None:
+        """After every transition. For subclasses."""
+
+    def _change(self, configured: bool, active: bool) -> TransitionCallbackReturn:
+        self.configured, self.active = configured, active
+        name = "active" if active else "inactive" if configured else "unconfigured"
+        self.health.values["life cycle"] = name
+        if active:
+            self.health.well("life cycle")
+        else:
+            self.health.doubt("life cycle", f"{name}: no torque until it is activated")
+        self.state_changed()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._change(True, False)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._change(True, True)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._change(True, False)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._change(False, False)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._change(False, False)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._change(False, False)
