@@ -14,12 +14,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 
 from tcs_friction.config import AxisFile, Control, default_control, load_axis
 from tcs_friction.control.config_field import choice, setting
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError, TcsError
 from tcs_friction.nodes import parameters
+from tcs_friction.nodes.driver import DriverWatch
 from tcs_friction.nodes.health import Health, Judgement
 from tcs_friction.nodes.peers import LONGEST_NAME, unquoted
 from tcs_friction.nodes.steady import steady_timer
@@ -143,6 +145,16 @@ class AxisNode(Node, Generic[C]):
         """What keeps the node from answering its last input, "" for nothing. For subclasses; asked while no tick comes."""
         return ""
 
+    def waits(self) -> str:
+        """What the node stands still for on purpose, "" for nothing. For subclasses; asked while no tick comes."""
+        return ""
+
+    _driver: DriverWatch | None = None
+
+    def hear_driver(self, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
+        """Subscribe to joint_states, serialised, in whatever quality a driver publishes them."""
+        self._driver = DriverWatch(self, callback, profile)
+
     # Rivals, in real time
 
     def watch_rivals(self, topic: str, contradicted: Callable[[], float]) -> None:
@@ -213,8 +225,10 @@ class AxisNode(Node, Generic[C]):
         now = time.monotonic()
         self._watch(now)
         level, problem, warning = self.health.level(), self.health.problem, self.health.warning
-        message = "; ".join(filter(None, (problem, warning))) or self.config.clock.replace("_", "-")
-        status = DiagnosticStatus(level=bytes([level]), name=self.get_fully_qualified_name(), message=message, hardware_id="")
+        well = f"waiting: {self._waits}" if self._waits else self.config.clock.replace("_", "-")
+        message = "; ".join(filter(None, (problem, warning))) or well
+        status = DiagnosticStatus(level=bytes([level]), name=self.get_fully_qualified_name(), message=message)
+        status.hardware_id = self.file.axis.name
         status.values = [KeyValue(key=key, value=value) for key, value in self.health.report(now).items()]
         report = DiagnosticArray(status=[status])
         report.header.stamp = self.get_clock().now().to_msg()
@@ -238,13 +252,15 @@ class AxisNode(Node, Generic[C]):
     def _watch(self, now: float) -> None:
         """Notice that nothing goes on although something is awaited, and in real time what comes late."""
         self._judge(now)
+        self._judge_driver()
         ticks, since = self._last_progress
         if self.health.ticks != ticks:
             self._last_progress = (self.health.ticks, now)
             self.health.last_tick = now
             self.health.well("missing", "idle")
+            self._waits = ""
             return
-        if now - since < self.config.time_limit:
+        if self._waiting_on_purpose() or now - since < self.config.time_limit:
             return
         awaited = self.missing() if self.lock_step else ""
         if awaited:
@@ -254,6 +270,33 @@ class AxisNode(Node, Generic[C]):
         self.health.well("missing")
         if self.hears and self.hears not in self.health.inputs:
             self.health.doubt("idle", f"idle: no {self.hears} for {now - since:.0f} s")
+
+    _waits = ""
+
+    def _waiting_on_purpose(self) -> bool:
+        """Whether the node stands still because it is told to; said once in the log, and in every report."""
+        waits = self.waits()
+        if waits and waits != self._waits:
+            self.get_logger().info(f"waiting: {waits}")
+        self._waits = waits
+        if waits:
+            self.health.well("missing", "idle")
+        return bool(waits)
+
+    def _judge_driver(self) -> None:
+        """Say what the driver's messages lack: once in the log what is made up for, as a warning what makes them useless."""
+        if self._driver is None:
+            return
+        found = self._driver.judge(self.file.axis.name)
+        if found.useless:
+            self.health.doubt("driver", found.useless)
+        else:
+            self.health.well("driver")
+        served = "; ".join(found.served)
+        if served and served != self.health.values.get("driver"):
+            self.get_logger().info(f"joint_states: {served}")
+        if served or "driver" in self.health.values:
+            self.health.values["driver"] = served or "complete"
 
     def _judge(self, now: float) -> None:
         config = self.config

@@ -75,7 +75,7 @@ class Commission(AxisNode[CommissionConfig]):
         self._remotes = Remotes(self, self._waiter)
         self._modes = Modes(self._remotes)
         self._runs = RunCollector(self, self._waiter)
-        self._programme = Programme(self, self._remotes, self._runs)
+        self._programme = Programme(self, self._waiter, self._remotes, self._runs)
         self._latched = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self._identify = ActionClient(self, IdentifyAction, "identifier/identify")
         create_deferred_service(self, SetMode, "set_mode", self._on_set_mode)
@@ -142,7 +142,7 @@ class Commission(AxisNode[CommissionConfig]):
         self._show(stage)
         await self._modes.set(mode, config.answer_limit)
         try:
-            await self._programme.begin(path, config)
+            await self._programme.begin(path, config, lambda what: work.steps.tell(0.0, what))
             result = await self._runs.finished(config.stall_limit, lambda share: work.steps.tell(share, stage))
         finally:
             await self._programme.rest(config)

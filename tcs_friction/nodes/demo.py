@@ -17,6 +17,7 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction.errors import JobError
 from tcs_friction.nodes import graph
 from tcs_friction.nodes.commission import Commission
+from tcs_friction.nodes.entry import stay_local
 from tcs_friction.nodes.executor import close, make_executor, spin
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.report.commission import CommissionResult
@@ -27,7 +28,7 @@ NODES = (*graph.LOOP, "identifier")
 
 def own_domain() -> int:
     """A ROS domain that no other graph is likely to be on, on this machine only, unless the user has chosen one."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_local()
     return int(os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100)))
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Diagnose as DiagnoseAction
 from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 
@@ -16,6 +15,7 @@ from tcs_friction.diagnose.result import Diagnosis
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, axis_file, control_of, derived
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.live import LiveRecording, recordings
@@ -42,11 +42,11 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
 
     def __init__(self) -> None:
         super().__init__("diagnoser", defaults)
-        self._live = LiveRecording()
+        self._live = LiveRecording(CommandedTorque(self))
         self.start()
         self._waiter = Waiter(self)
         self._jobs = Jobs(self, self._waiter, "diagnose", self._diagnose, DiagnoseAction, DiagnoseService)
-        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
+        self.hear_driver(self._on_state, COLLECT)
 
     def configure(self, config: DiagnoserConfig) -> None:
         super().configure(config)

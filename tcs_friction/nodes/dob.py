@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
@@ -24,6 +23,7 @@ from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.calibration import CalibrationMemory, calibrated
 from tcs_friction.nodes.convert import SECOND, nanoseconds
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
@@ -63,11 +63,12 @@ class Dob(AxisNode[DobNodeConfig]):
         self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
         self._answers = AnswerRule(self.config.age_limit)
         self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
+        self._commanded = CommandedTorque(self)
         self._calibration = CalibrationMemory()
         self._waiter = Waiter(self)
         self.start()
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
-        self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.hear_driver(self._on_state, LISTEN)
         self.create_subscription(WrenchStamped, "dynamometer", self._on_dynamometer, COLLECT)
         self._jobs = Jobs(self, self._waiter, "calibrate", self._calibrate, service=Trigger)
 
@@ -126,11 +127,12 @@ class Dob(AxisNode[DobNodeConfig]):
         if step is Step.REPEATED:
             self._repeat()
             return
-        torque = self._state.torque
+        stamp, torque = self._state.stamp, self._state.torque
+        if math.isnan(torque):  # a driver that gives none
+            torque = self._commanded.until(stamp)
         if self.config.torque_objection(torque):
             self.health.refuse(f"joint_states refused: {self.config.torque_objection(torque)}")
             return
-        stamp = self._state.stamp
         if step is Step.NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
             self._begin_anew()
         self._calibration.state(stamp, torque, self._state.speed)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import FrictionEstimate, LugreParameters
 from tcs_friction_msgs.srv import Identify as IdentifyService
@@ -27,6 +26,7 @@ from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
 from tcs_friction.nodes.base import AxisNode, ClockConfig, axis_file, control_of, derived
 from tcs_friction.nodes.convert import fill_direction, set_stamp
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.live import LiveRecording, recordings
@@ -65,13 +65,13 @@ class Identifier(AxisNode[IdentifierConfig]):
     def __init__(self) -> None:
         super().__init__("identifier", defaults)
         self._series = Series(2)  # velocity, torque
-        self._live = LiveRecording()
+        self._live = LiveRecording(CommandedTorque(self))
         self._publisher = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self.start()
         self._waiter = Waiter(self)
         self._jobs = Jobs(self, self._waiter, "identify", self._identify, IdentifyAction, IdentifyService)
         self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, COLLECT, raw=True)
-        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
+        self.hear_driver(self._on_state, COLLECT)
 
     def configure(self, config: IdentifierConfig) -> None:
         if config.switch2 and not self.config.switch2:

@@ -29,6 +29,8 @@ def unquoted() -> Iterator[None]:
         yield
     except TcsError as error:
         raise ContentError(error) from None
+    except Exception as error:  # whatever is in it must not take the node down
+        raise InputError("file", f"cannot be read ({type(error).__name__})", "another file") from None
 
 
 @dataclass(frozen=True)

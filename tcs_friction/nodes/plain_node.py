@@ -36,6 +36,7 @@ class PlainNode(Node, Generic[C]):
         problem, counters = self.condition()
         level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
         status = DiagnosticStatus(level=level, name=self.get_fully_qualified_name(), message=problem or "ok")
+        status.hardware_id = str(getattr(self.config, "port", self.get_namespace().strip("/")))
         status.values = [KeyValue(key=key, value=value) for key, value in counters.items()]
         report = DiagnosticArray(status=[status])
         report.header.stamp = self.get_clock().now().to_msg()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisReference
 
@@ -77,7 +76,7 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         self._origin = 0  # ns, time 0 of `_joined`
         self._waiting = self.config.begin_at_once  # to begin as soon as the axis is heard
         self.start()
-        self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.hear_driver(self._on_state, LISTEN)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
 

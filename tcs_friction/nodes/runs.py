@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.node import Node
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, FrictionEstimate
 
 from tcs_friction.errors import JobError
+from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.convert import SECOND
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.nodes.qos import COLLECT
 from tcs_friction.nodes.series import Series
@@ -63,19 +65,20 @@ class Run:
 class RunCollector:
     """Collects while a run lasts and nothing otherwise."""
 
-    def __init__(self, node: Node, waiter: Waiter) -> None:
+    def __init__(self, node: AxisNode[Any], waiter: Waiter) -> None:
         self._waiter = waiter
         self._series: dict[str, Series] = {}
         self._newest: dict[str, int] = {}  # stamps; a run ends between two of them where stamps are those of a real clock
         self._wire = JointWire("")
         self._end = -1
         self._from = -1
-        self.wanted: float | None = None
-        """Where the last reference heard wanted the axis, None before the first."""
-        kinds = {"joint_states": JointState, "reference": AxisReference}
-        for name in COLUMNS:
-            listener = self._on_state if name == "joint_states" else self._listener(name)
-            node.create_subscription(kinds.get(name, FrictionEstimate), name, listener, COLLECT, raw=True)
+        self.reference: tuple[float, ...] | None = None
+        """Position, speed and acceleration of the last reference heard, whether a run lasts or not."""
+        self._commanded = CommandedTorque(node)
+        node.hear_driver(self._on_state, COLLECT)
+        node.create_subscription(AxisReference, "reference", self._listener("reference"), COLLECT, raw=True)
+        for name in ("friction_estimate", "true_friction"):
+            node.create_subscription(FrictionEstimate, name, self._listener(name), COLLECT, raw=True)
 
     def begin(self, joint: str, duration: float, topics: Sequence[str]) -> None:
         """Collect from the next joint state on, for `duration` seconds of its stamps."""
@@ -94,20 +97,26 @@ class RunCollector:
     def _on_state(self, data: bytes) -> None:
         if "joint_states" not in self._series:
             return
-        stamp, *values = self._wire.read(data)
+        stamp, position, speed, torque = self._wire.read(data)
+        if math.isnan(position):
+            return  # of other joints
+        if math.isnan(torque):  # a driver that gives none
+            torque = self._commanded.until(stamp)
         if self._from < 0 or stamp < self._from:
             self._from, self._end = stamp, stamp + self._duration
-        self._keep("joint_states", stamp, values)
+        self._keep("joint_states", stamp, (position, speed, torque))
 
     def _listener(self, name: str) -> Callable[[bytes], None]:
         wire = REFERENCE if name == "reference" else ESTIMATE
 
         def listen(data: bytes) -> None:
+            if name != "reference" and name not in self._series:
+                return
+            stamp, values = wire.read(data)
+            if name == "reference":
+                self.reference = values
             if name in self._series:
-                stamp, values = wire.read(data)
                 self._keep(name, stamp, values)
-                if name == "reference":
-                    self.wanted = values[0]
 
         return listen
 

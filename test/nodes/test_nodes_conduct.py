@@ -1,0 +1,151 @@
+"""How a commissioning conducts itself: what it refuses first, what it sets back, how the axis rests, and that it ends in real time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.parameter import Parameter
+from tcs_friction_msgs.action import Commission as CommissionAction
+from tcs_friction_msgs.srv import SetMode
+from test_nodes_commission import CANCELED, act, call, switches
+
+from tcs_friction.nodes.graph import GRAPH
+
+ABORTED = 6
+ACTION = (CommissionAction, "commission/commission")
+RUN = "{kind: legs, speed: 1.7453293e-3, leg: 0.5, acceleration: 5.0e-3, duration: 6.0}"
+MEASURE = "{kind: sinusoid, amplitude: 3.0e-3, period: 8.0, duration: 8.0}"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Callable[..., list[str]]:
+    """Arguments for runs of a few seconds, and whatever else is wanted."""
+
+    def arguments(**wanted: Any) -> list[str]:
+        values: dict[str, Any] = {"settle": 1.0, "results": tmp_path, "answer_limit": 3.0, "run_until": 0.0}
+        for name, text in (("reference_file", RUN), ("measure_file", MEASURE)):
+            values[name] = tmp_path / f"{name}.yaml"
+            values[name].write_text(f"reference: {wanted.pop(name, text)}\n")
+        return [word for name, value in (values | wanted).items() for word in ("-p", f"{name}:={value}")]
+
+    return arguments
+
+
+def commissioned(graph: Any, directory: str = "", hear: Callable[[Any], None] = lambda _: None, **options: Any) -> Any:
+    goal = CommissionAction.Goal(directory=directory, repetitions=options.pop("repetitions", 0))
+    return graph.result(act(graph, *ACTION, goal, hear, **options), 120.0)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        ({"reference_file": "{kind: hold, duration: 5.0}"}, "no reversal to positive or negative motion in its 5 s"),
+        ({"reference_file": "{kind: legs, speed: 1.7e-3, leg: 1.5, acceleration: 5.0e-3, duration: 4.0}"}, "to positive motion"),
+        ({"settle": 6.0}, "after the 6 s of settle"),
+        ({"directory": "/tmp/first_light"}, "'/tmp/first_light': is not allowed"),
+        ({"directory": "used"}, "used: holds something already"),
+        ({"directory": "file/below"}, "file/below: cannot be made"),
+        ({"repetitions": 4_000_000_000}, "at most 100"),
+        ({}, "service /azimuth/lugre_compensator/get_parameters: not there"),
+    ],
+)
+def test_what_cannot_be_done_is_said_before_the_first_run(
+    together: Callable[..., Any], files: Callable[..., list[str]], tmp_path: Path, wanted: dict[str, Any], words: str
+) -> None:
+    (tmp_path / "used").mkdir()
+    (tmp_path / "used/axis.yaml").write_text("mine")
+    (tmp_path / "file").write_text("")
+    goal = {name: wanted.pop(name) for name in ("directory", "repetitions") if name in wanted}
+    graph = together(*files(**wanted, answer_limit=0.3), nodes=["commission"])
+    stages: list[str] = []
+    ended = commissioned(graph, hear=lambda feedback: stages.append(feedback.stage), **goal)
+    assert ended.status == ABORTED
+    assert words in ended.result.message
+    assert "\n" not in ended.result.message
+    assert not stages
+
+
+def test_no_gain_is_no_success_and_everything_is_as_before(
+    together: Callable[..., Any], files: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """At 100 Hz this loop is on the verge of instability, and compensated friction changes nothing."""
+    graph = together(*files(period=0.01, switch3="true"), "-p", "positive.coulomb:=60.0", nodes=GRAPH)
+    before = graph["lugre_compensator"].config
+    ended = commissioned(graph, "night/one")
+    assert ended.status == ABORTED
+    assert "switches and compensation are as they were before" in ended.result.message
+    assert ended.result.rms_after > 0.8 * ended.result.rms_before > 0.0
+    assert switches(graph) == (False, False, True)
+    graph.for_seconds(0.2)  # for what is latched
+    assert graph["lugre_compensator"].config == before
+    assert "No improvement" in (tmp_path / "night/one/report.html").read_text()
+
+
+def test_a_cancelled_commissioning_sets_back_and_rests(together: Callable[..., Any], files: Callable[..., list[str]]) -> None:
+    """Meanwhile nobody else sets the mode, and another goal is rejected."""
+    graph = together(*files(switch3="true", measure_file=MEASURE.replace("8.0}", "60.0}")), nodes=GRAPH)
+    heard: set[str] = set()
+    answers: list[Any] = []
+
+    def hear(feedback: Any) -> None:
+        if feedback.stage == "measuring friction" and feedback.stage not in heard:
+            client = graph.driver.create_client(SetMode, "set_mode")
+            client.call_async(SetMode.Request(mode=1)).add_done_callback(lambda done: answers.append(done.result()))
+        heard.add(feedback.stage)
+
+    ended = commissioned(graph, hear=hear, cancel_when=lambda: bool(answers))
+    assert ended.status == CANCELED
+    assert not answers[0].success
+    assert "set_mode: refused while commission: busy with another request for" in answers[0].message
+    assert switches(graph) == (False, False, True)
+    stamp = graph["plant"]._stamp
+    graph.for_seconds(1.5)
+    assert graph["plant"]._stamp == stamp < 60_000_000_000, "simulated time stands still"
+    assert graph["plant"].waits() == f"run_until, {stamp * 1e-9:g} s, is reached"
+    assert call(graph, SetMode, "set_mode", SetMode.Request(mode=1)).success
+
+
+def test_a_switch_that_somebody_turns_during_a_run_ends_it(together: Callable[..., Any], files: Callable[..., list[str]]) -> None:
+    graph = together(*files(), nodes=GRAPH)
+    heard: list[str] = []
+
+    def hear(feedback: Any) -> None:
+        if feedback.stage == "measuring friction" and not heard:
+            heard.append(feedback.stage)
+            graph["dob"].set_parameters([Parameter("switch1", value=False)])
+
+    ended = commissioned(graph, hear=hear)
+    assert ended.status == ABORTED
+    assert "node dob: switch1 was changed during the run" in ended.result.message
+
+
+def test_commissioning_comes_to_its_end_in_real_time(
+    processes: Any, caller: Any, files: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """With real processes whose stamps no run's end meets. What it concludes depends on the machine; that it is honest does not."""
+    arguments = files(clock="real_time", period=0.005)
+    processes.start_graph(*arguments)
+    results: list[Any] = []
+    stages: list[str] = []
+
+    async def commission() -> None:
+        goal = CommissionAction.Goal(directory="real")
+        results.append(await act(caller, *ACTION, goal, lambda feedback: stages.append(feedback.stage)))
+
+    caller.executor.create_task(commission)
+    assert caller.until(lambda: bool(results), 150.0), (stages[-1:], processes.log("graph"))
+    ended = results[0]
+    assert {"measuring the axis as it is", "measuring friction", "compensating"} <= set(stages), ended.result.message
+    assert "tracking error" in ended.result.message
+    assert (tmp_path / "real/commission.json").exists()
+    parameters = caller.parameters("lugre_compensator", ["switch3", "positive.coulomb"])
+    if ended.result.success:
+        assert ended.result.rms_after < ended.result.rms_before
+        assert parameters == {"switch3": True, "positive.coulomb": ended.result.parameters.positive.coulomb}
+    else:
+        assert parameters == {"switch3": False, "positive.coulomb": 78.1}
+    positions = caller.positions(1.0)
+    assert max(positions) - min(positions) < 1e-5, "the axis rests"
