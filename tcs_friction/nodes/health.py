@@ -10,7 +10,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 LISTED = 4
-"""Events named in the message of one report; there may be thousands."""
+"""Events named in the message of one report; all of them are among its values."""
+MOST_EVENTS = 100
+"""Events that one report tells apart; there may be thousands."""
+OTHERS = "more events than a report can hold"
 
 
 class Level(IntEnum):
@@ -81,6 +84,8 @@ class Health:
 
     def note(self, event: str) -> None:
         """Something happened; it is in the next report."""
+        if event not in self._events and len(self._events) >= MOST_EVENTS:
+            event = OTHERS
         self._events[event] = self._events.get(event, 0) + 1
 
     def forget_events(self) -> None:
@@ -124,9 +129,12 @@ class Health:
     @property
     def warning(self) -> str:
         """What is doubtful now or happened since the last report."""
-        events = [text if count == 1 else f"{text} ({count} times)" for text, count in self._events.items()]
+        events = self._told()
         more = [f"and {len(events) - LISTED} more"] if len(events) > LISTED else []
         return "; ".join([*self._warnings.values(), *events[:LISTED], *more])
+
+    def _told(self) -> list[str]:
+        return [text if count == 1 else f"{text} ({count} times)" for text, count in self._events.items()]
 
     def level(self) -> Level:
         """The worst of what is so now or was since the last report."""
@@ -172,6 +180,7 @@ class Health:
         then, ticks, _ = self._before
         rate = (self.ticks - ticks) / (now - then) if then and now > then else 0.0
         self._before = (now, self.ticks, self.overruns)
+        events = {f"event {number}": text for number, text in enumerate(self._told(), 1)}
         self.forget_events()
         idle = f"{now - self.last_tick:.1f}" if self.last_tick else "no tick yet"
         counters = {
@@ -182,4 +191,4 @@ class Health:
             "overruns": str(self.overruns),
             "repeats": str(self.repeats),
         }
-        return counters | self.values
+        return counters | self.values | events

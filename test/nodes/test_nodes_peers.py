@@ -63,7 +63,8 @@ def test_no_answer_quotes_a_file(together: Callable[..., Any], tmp_path: Path) -
     graph = together("-p", f"results:={tmp_path / 'results'}", nodes=["identifier", "diagnoser", "reference", "commission"])
     nodes = [graph[name] for name in ("identifier", "reference")]
     answers: list[str] = []
-    for number, text in enumerate([SECRET, f"{SECRET}: 1", f"axis: {{{SECRET!r}: 1}}", f"axis: {{friction: {SECRET!r}}}", "\0\1"]):
+    contents = [SECRET, f"{SECRET}: 1", f"axis: {{{SECRET!r}: 1}}", f"axis: {{friction: {SECRET!r}}}", "\0\1"]
+    for number, text in enumerate(contents):
         secret = tmp_path / f"shadow{number}"
         secret.write_text(text)
         for kind, name in ((Identify, "identifier/identify"), (Diagnose, "diagnoser/diagnose")):

@@ -1,0 +1,155 @@
+"""What may follow what: stamps and positions of states, stamps of answers, and inputs that come and go."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from tcs_friction.control.fading import FadingInput, Ramp
+from tcs_friction.control.stamps import SECOND, STAMP_END, AnswerRule, FollowRule, Step
+
+TICK = 1_000_000  # ns
+START = 1_700_000_000 * SECOND
+
+
+class Driver:
+    """Feeds a real-time rule with states every millisecond of steady time."""
+
+    def __init__(self) -> None:
+        self.rule = FollowRule(lock_step=False)
+        self.rule.configure(slack=0.1, patience=0.5, reach=1.0, period=1e-3)
+        self.now = 100.0
+
+    def run(self, ticks: int, stamp: int, position: float = 0.0, speed: float = 0.0) -> list[Step]:
+        """`ticks` states from a stamp and position on."""
+        steps = []
+        for k in range(ticks):
+            self.now += 1e-3
+            steps.append(self.rule.judge(stamp + k * TICK, position + k * 1e-3 * speed, self.now))
+        return steps
+
+    def started(self) -> Driver:
+        assert self.run(1000, START)[-1] is Step.NEXT
+        return self
+
+
+def test_lock_step_repeats_and_starts_anew() -> None:
+    rule = FollowRule(lock_step=True)
+    assert [rule.judge(stamp) for stamp in (0, 0, 5, 9, 9, 2, 3)] == [
+        Step.NEXT,
+        Step.REPEATED,
+        Step.NEXT,
+        Step.NEXT,
+        Step.REPEATED,
+        Step.NEW_RUN,
+        Step.NEXT,
+    ]
+
+
+@pytest.mark.parametrize("lock_step", [True, False])
+@pytest.mark.parametrize("stamp", [-1, STAMP_END, 2**40 * SECOND])
+def test_a_stamp_that_no_message_can_hold_is_refused(lock_step: bool, stamp: int) -> None:
+    rule = FollowRule(lock_step)
+    assert rule.judge(stamp, 0.0, 1.0) is Step.REFUSED
+    assert "is no time" in rule.reason
+    assert rule.last == -1
+
+
+def test_the_first_states_are_made_sure_of() -> None:
+    steps = Driver().run(1000, START)
+    assert steps.count(Step.NEW_RUN) == 1
+    assert 490 <= steps.index(Step.NEW_RUN) <= 510
+    assert set(steps[: steps.index(Step.NEW_RUN)]) == {Step.REFUSED}
+
+
+@pytest.mark.parametrize("stray", [0, 1, START, START + 900 * TICK, START + 3600 * SECOND, 2**31 * SECOND - 1])
+def test_one_stray_stamp_restarts_nothing(stray: int) -> None:
+    driver = Driver().started()
+    assert driver.rule.judge(stray, 0.0, driver.now) is Step.REFUSED
+    assert driver.rule.reason
+    assert set(driver.run(1000, START + 1000 * TICK)) == {Step.NEXT}
+
+
+def test_a_second_clock_beside_the_first_is_never_believed() -> None:
+    driver = Driver().started()
+    for k in range(1000, 4000):
+        assert driver.run(1, START + k * TICK) == [Step.NEXT]
+        assert driver.rule.judge(START + (k - 20) * TICK, 0.0, driver.now) is Step.REFUSED
+
+
+@pytest.mark.parametrize("shift", [-3600 * SECOND, 3600 * SECOND])
+def test_a_clock_that_was_set_is_believed_after_a_while(shift: int) -> None:
+    driver = Driver().started()
+    steps = driver.run(1000, START + 1000 * TICK + shift)
+    believed = steps.index(Step.NEW_RUN)
+    assert 490 <= believed <= 510
+    assert set(steps[:believed]) == {Step.REFUSED}
+    assert set(steps[believed + 1 :]) == {Step.NEXT}
+
+
+def test_a_clock_that_was_set_back_a_little_is_waited_for() -> None:
+    steps = Driver().started().run(100, START + 980 * TICK)
+    assert steps == [Step.REFUSED] * 19 + [Step.REPEATED] + [Step.NEXT] * 80
+
+
+def test_a_pause_is_no_jump() -> None:
+    driver = Driver().started()
+    driver.now += 3.0
+    assert driver.run(1, START + 4000 * TICK) == [Step.NEXT]
+
+
+def test_a_step_that_no_axis_makes_is_refused_until_it_stays() -> None:
+    driver = Driver().started()
+    assert driver.run(1, START + 1000 * TICK, position=0.5) == [Step.REFUSED]
+    assert "step of 0.5" in driver.rule.reason
+    assert driver.run(1, START + 1001 * TICK, position=0.0) == [Step.NEXT]
+    assert driver.run(100, START + 1002 * TICK, speed=0.9)[-1] is Step.NEXT
+    steps = driver.run(1000, START + 1102 * TICK, position=7.0)
+    assert steps.count(Step.NEW_RUN) == 1
+
+
+def test_an_answer_is_about_a_young_state() -> None:
+    rule = AnswerRule(age_limit=0.1)
+    now = START
+    assert rule.objection(now, (1.0,), now, 1.0) == ""
+    assert rule.objection(now, (1.0,), now, 1.0) == ""
+    assert "older than the newest state" in rule.objection(0, (500.0,), now, 2.0)
+    assert "newer than the newest state" in rule.objection(now + SECOND, (500.0,), now, 2.0)
+    assert "older than the one before" in rule.objection(now - TICK, (1.0,), now, 2.0)
+    assert rule.objection(now + TICK, (2.0,), now, 3.0) == ""
+
+
+def test_two_answers_to_one_state_contradict_each_other() -> None:
+    rule = AnswerRule(age_limit=0.1)
+    assert rule.objection(START, (1.0,), START, 1.0) == ""
+    assert rule.contradicted == -math.inf
+    assert "contradicts" in rule.objection(START, (2.0,), START, 7.0)
+    assert rule.contradicted == 7.0
+    rule.restart()
+    assert rule.objection(START - SECOND, (1.0,), START - SECOND, 8.0) == ""
+
+
+def test_a_ramp_takes_its_time() -> None:
+    ramp = Ramp(0.5)
+    up = [ramp.toward(True, 0.1) for _ in range(7)]
+    assert up == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0])
+    assert [ramp.toward(False, 0.25) for _ in range(3)] == pytest.approx([0.5, 0.0, 0.0])
+    assert Ramp(0.0).toward(True, 1e-3) == 1.0
+
+
+def test_an_input_that_stops_fades_out_and_comes_back_slowly() -> None:
+    faded = FadingInput(age_limit=0.1, fade_time=0.5)
+    used = []
+    for k in range(3000):
+        stamp = START + k * TICK
+        if not 1000 <= k < 2000:
+            faded.put(80.0, stamp)
+        used.append(faded.at(stamp))
+    steps = [abs(b - a) for a, b in itertools.pairwise(used)]
+    assert max(steps) <= 80.0 / 500.0 * 1.001
+    assert used[999] == 80.0
+    assert used[1090] == 80.0
+    assert used[1700] == 0.0
+    assert used[-1] == 80.0
