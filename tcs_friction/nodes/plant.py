@@ -111,7 +111,7 @@ class Plant(ManagedNode[PlantConfig]):
 
     def waits(self) -> str:
         reached = self.lock_step and self._stamp >= self._until
-        return f"run_until, {self.config.run_until:g} s, is reached" if reached else ""
+        return f"run_until ({self.config.run_until:g} s) is reached, it can be set later" if reached else ""
 
     def _make(self, config: PlantConfig, file: AxisFile) -> Simulator:
         signals = tuple(item.signal for item in file.axis.effects if item.signal is not None)

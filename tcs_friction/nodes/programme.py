@@ -63,7 +63,8 @@ class Programme:
                 last, since = self._runs.reference, time.monotonic()
             if time.monotonic() - since > config.stall_limit:
                 where = "nothing was heard of it" if last is None else f"it stays at {last[0]:.6g} with speed {last[1]:.3g}"
-                raise JobError("reference", f"{where} for {config.stall_limit:g} s", f"it to go to {start:.6g}, where the run begins")
+                wanted = f"it to go to {start:.6g}, where the run begins"
+                raise JobError("reference", f"{where} for {config.stall_limit:g} s", wanted)
 
     async def rest(self, config: Any) -> None:
         """Bring the axis to rest after a run, whole or not; what cannot be done is logged."""
