@@ -214,7 +214,9 @@ class Controller(ManagedNode[ControllerConfig]):
         if not self.active and self._ramp.value == 0.0:
             return
         age = stamp - self._reference_stamp
-        if self._reference_stamp < 0 or abs(age) > self.config.age_limit * SECOND:
+        if self._reference_stamp < 0:
+            pass  # the report says that it is waited for
+        elif abs(age) > self.config.age_limit * SECOND:
             self.health.fail("no reference", f"no reference within {self.config.age_limit:g} s: commanding zero torque")
         else:
             self.health.well("no reference")

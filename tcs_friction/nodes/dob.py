@@ -60,6 +60,7 @@ class Dob(AxisNode[DobNodeConfig]):
         self._running = False  # Switch1 at the last tick
         self._done = self._pending = -1
         self._state = JointInput(self.health, self.lock_step)
+        self._torque = 0.0  # held until the pending stamp
         self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
         self._answers = AnswerRule(self.config.age_limit)
         self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
@@ -136,7 +137,7 @@ class Dob(AxisNode[DobNodeConfig]):
         if step is Step.NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
             self._begin_anew()
         self._calibration.state(stamp, torque, self._state.speed)
-        self._pending = stamp
+        self._pending, self._torque = stamp, torque
         self._estimate()
 
     def _repeat(self) -> None:
@@ -189,7 +190,7 @@ class Dob(AxisNode[DobNodeConfig]):
             share = 0.0
         if self.config.switch1:
             speed = self._state.speed
-            estimate = self._observer.step(self._state.torque, speed, share)
+            estimate = self._observer.step(self._torque, speed, share)
             if self.config.torque_objection(estimate):
                 estimate = self._reset_observer(estimate)
             self._message = ESTIMATE.write(stamp, estimate, speed, self._observer.rest, True)

@@ -61,6 +61,7 @@ class Health:
     _events: dict[str, int] = field(default_factory=dict)
     _before: tuple[float, int, int] = (0.0, 0, 0)
     _begun: float = 0.0
+    _was: Level = Level.OK  # the worst of what is well again since the last report
 
     # What callbacks say
 
@@ -72,15 +73,17 @@ class Health:
     def doubt(self, cause: str, text: str) -> None:
         """Something is doubtful until `well(cause)` is said."""
         if cause in self._problems:
-            self.note(self._problems.pop(cause))
+            self.well(cause)
         self._warnings[cause] = text
 
     def well(self, *causes: str) -> None:
         """These causes are gone. What was wrong since the last report is still in the next one."""
         for cause in causes:
-            for standing in (self._problems, self._warnings):
-                if cause in standing:
-                    self.note(standing.pop(cause))
+            if cause in self._problems:
+                self._was = Level.ERROR
+                self.note(self._problems.pop(cause))
+            elif cause in self._warnings:
+                self.note(self._warnings.pop(cause))
 
     def note(self, event: str) -> None:
         """Something happened; it is in the next report."""
@@ -91,6 +94,7 @@ class Health:
     def forget_events(self) -> None:
         """What happened so far is not reported."""
         self._events.clear()
+        self._was = Level.OK
 
     def refuse(self, what: str) -> None:
         """Count an input that was refused and say why."""
@@ -140,7 +144,7 @@ class Health:
         """The worst of what is so now or was since the last report."""
         if self._problems:
             return Level.ERROR
-        return Level.WARN if self._warnings or self._events else Level.OK
+        return max(self._was, Level.WARN) if self._warnings or self._events else Level.OK
 
     def judge(self, now: float, limits: Judgement) -> None:
         """Real time: ages of inputs, rate and overruns since the last report against their limits."""

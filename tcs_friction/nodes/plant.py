@@ -21,6 +21,7 @@ from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.fading import Ramp
+from tcs_friction.control.plausible import RANGE_OVER_LIMIT
 from tcs_friction.control.stamps import AnswerRule
 from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND, set_stamp
@@ -34,6 +35,8 @@ from tcs_friction.physics.simulate import Simulator
 
 COMMAND = "torque_command"
 REPEAT_AFTER = 0.25  # s of steady time without a command
+OVERSPEED_SHARE = 0.9
+"""Share of the controller's speed limit; above what a reference asks for, and full torque takes a moment to the rest."""
 CATCH_UP = 2.0  # s of simulated time that are caught up at once
 TEMPERATURE_EVERY = 1.0  # s
 
@@ -47,6 +50,7 @@ class PlantConfig(ManagedConfig):
     temperature: float = setting(20.0, "degC", -100.0, 300.0, "temperature of the bearing")
     command_limit: float = setting(1e4, "N m", 0.0, 1e12, "commands beyond this are refused")
     watchdog: float = setting(0.1, "s", 1e-3, 60.0, "real time: no torque when commands stop for longer")
+    overspeed: float = setting(1.0, "rad/s", 1e-9, 1e9, "real time: no torque in the direction of a motion faster than this")
     run_until: float = setting(1e9, "s", 0.0, 1e9, "lock-step: simulated time at which the axis waits")
     truth: bool = switch(False, "publish the true friction on true_friction")
     dynamometer: float = setting(0.0, "1/s", 0.0, 1e4, "readings of a simulated dynamometer; 0: none is mounted")
@@ -56,7 +60,9 @@ class PlantConfig(ManagedConfig):
 def defaults(file: AxisFile) -> PlantConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(PlantConfig, control.loop, command_limit=10.0 * control.controller.torque_limit)
+    pid = control.controller
+    limits = {"command_limit": RANGE_OVER_LIMIT * pid.torque_limit, "overspeed": OVERSPEED_SHARE * pid.velocity_limit}
+    return derived(PlantConfig, control.loop, **limits)
 
 
 class Plant(ManagedNode[PlantConfig]):
@@ -198,7 +204,12 @@ class Plant(ManagedNode[PlantConfig]):
             self.health.doubt("holding", f"holding zero torque: {reason}")
             return 0.0
         self.health.well("holding")
-        return self._ramp.toward(self.active, self.config.period) * (self._command or 0.0)
+        torque = self._ramp.toward(self.active, self.config.period) * (self._command or 0.0)
+        speed = self._simulator.measured_velocity
+        if abs(speed) > self.config.overspeed and torque * speed > 0.0:
+            self.health.note(f"faster than {self.config.overspeed:g} rad/s: no torque that way")
+            return 0.0
+        return torque
 
     def _why_none(self, moment: float) -> str:
         if self._command is None or moment - self._commanded > self.config.watchdog:

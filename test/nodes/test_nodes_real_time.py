@@ -186,9 +186,11 @@ def test_wild_inputs_of_the_controller_are_refused_and_a_lost_compensation_fades
     assert controller.health.refused == 14
     assert any("following_limit" in event for event in controller.health.report(time.monotonic()).values())
     watch = Watch(graph)
-    graph.executor.remove_node(graph["lugre_compensator"])
-    used = []
     steady = controller._faded["friction_compensation"]
+    assert graph.until(lambda: steady._ramp.value == 1.0, 10.0)
+    graph.executor.remove_node(graph["lugre_compensator"])
+    graph.for_seconds(0.1)
+    used = []
     steady.put(60.0, controller._state.stamp)
     end = time.monotonic() + 1.5
     while time.monotonic() < end:
@@ -251,6 +253,21 @@ def test_two_plants_are_named_and_the_controller_commands_zero_torque(together: 
     watch = Watch(graph)
     graph.for_seconds(0.3)
     assert not any(watch.torques[2:])
+
+
+def test_no_torque_that_makes_a_fast_axis_faster(together: Callable[..., Any]) -> None:
+    graph = together(*REAL_TIME, nodes=["plant"])
+    plant = graph["plant"]
+    speeds = []
+
+    def push() -> None:
+        plant._on_command(TORQUE.write(plant._stamp, 1000.0))
+        speeds.append(plant._simulator.velocity)
+
+    graph.driver.create_timer(0.01, push)
+    assert graph.until(lambda: "no torque that way" in plant.health.warning, 10.0)
+    graph.for_seconds(0.5)
+    assert 0.08 < max(speeds) <= 0.1
 
 
 def test_a_plant_that_was_late_catches_up(together: Callable[..., Any]) -> None:
@@ -361,12 +378,13 @@ def test_health_judges_ages_rates_and_overruns() -> None:
     assert "no friction_compensation" in health.warning
     health.heard("joint_states", 9.0)
     health.well("no joint_states")
-    assert health.level() is Level.WARN, "what was wrong since the last report is in it"
+    assert health.level() is Level.ERROR, "what was wrong since the last report is in it"
     assert "no joint_states" in health.warning
     for k in range(100):
         health.heard("joint_states", 9.0 + 0.03 * k, 0.01)
         health.ticks += 1
     health.report(9.0)
+    assert health.level() is Level.WARN, "the compensation is still away"
     health.overruns += 90
     health.ticks += 100
     health.judge(10.0, limits)
