@@ -26,6 +26,8 @@ AT_ONCE = 8
 """Calls on their way."""
 PATIENCE = 30.0
 """s for an answer; a job that is refused answers at once, one that runs may take longer, and is called on the side."""
+SETTLED = 2.0
+"""s without a new service, after which discovery is taken to be over."""
 JOBS = ("identify", "diagnose", "calibrate")
 ARGUMENTS = ("clock:=real_time", "period:=0.005", "dynamometer:=50.0", "switch1:=true", "switch2:=true")
 
@@ -81,25 +83,28 @@ class Stress:
         self._clients: dict[str, Any] = {}
         self._pending: list[tuple[str, Any, float]] = []
         self._values: dict[str, list[Any]] = {}
-        self.services: dict[str, Any] = {}
+        self.services: dict[str, str] = {}
         """Name to type of everything that is called."""
         self.calls: Counter[str] = Counter()
         self.unanswered: list[str] = []
         self.longest = 0.0
 
     def find(self, names: tuple[str, ...], limit: float = 120.0) -> None:
-        """Wait for nodes and list their services. Raises JobError when one does not come."""
-        deadline = time.monotonic() + limit
-        while True:
+        """Wait for nodes and list their services, when no more of them turn up. Raises JobError when a node does not come."""
+        deadline, since = time.monotonic() + limit, time.monotonic()
+        while not self.services or time.monotonic() - since < SETTLED:
             self._executor.spin_once(timeout_sec=0.1)
-            there = set(self._node.get_node_names())
-            if set(names) <= there:
-                break
+            lacking = set(names) - set(self._node.get_node_names())
             if time.monotonic() > deadline:
-                raise JobError("bench services", f"no node {', '.join(set(names) - there)}", "all of the graph")
-        for name in names:
-            found = self._node.get_service_names_and_types_by_node(name, self._node.get_namespace())
-            self.services |= {service: types[0] for service, types in found if "/_action/" not in service}
+                raise JobError("bench services", f"no node {', '.join(lacking)}", "all of the graph")
+            found = {} if lacking else self._services_of(names)
+            if len(found) > len(self.services):
+                self.services, since = found, time.monotonic()
+
+    def _services_of(self, names: tuple[str, ...]) -> dict[str, str]:
+        namespace = self._node.get_namespace()
+        lists = [self._node.get_service_names_and_types_by_node(name, namespace) for name in names]
+        return {service: types[0] for entries in lists for service, types in entries if "/_action/" not in service}
 
     def run(self, seconds: float) -> None:
         """Call for a while, then wait for what is on its way."""

@@ -9,7 +9,8 @@ from launch_ros.actions import Node
 
 from launch import LaunchContext, LaunchDescription
 from tcs_friction.control.reference import load_reference
-from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME, config_file
+from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME
+from tcs_friction.nodes.files import config_file
 
 NODES = ("plant", "reference", "dob", "lugre_compensator", "controller", "identifier", "diagnoser", "commission")
 RESULTS = ("identifier", "diagnoser", "commission")

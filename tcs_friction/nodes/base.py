@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from tcs_friction.config import AxisFile, Control, default_control, load_axis
+from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
-from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError, TcsError
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.driver import DriverWatch
+from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.health import Health, Judgement
-from tcs_friction.nodes.peers import LONGEST_NAME, unquoted
 from tcs_friction.nodes.steady import steady_timer
 
-DEFAULT_AXIS = "azimuth_1p2m.yaml"
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
+LOGGED_STATES = ("phase", "life cycle")
+"""Values of /diagnostics whose changes are in the log."""
 WARN_EVERY = 10.0
 """s between two lines of warnings in the log; /diagnostics has all of them."""
 
@@ -55,36 +52,6 @@ RIVALS_REMEMBERED = 1.0
 C = TypeVar("C", bound=ClockConfig)
 
 
-def config_file(name: str) -> Path:
-    """An existing file as named, or the one of that name in the config folder of the checkout or of the installed package."""
-    with contextlib.suppress(OSError):  # a name too long for a file, say
-        if Path(name).is_file():
-            return Path(name)
-    folders = [Path(__file__).resolve().parents[2] / "config"]
-    with contextlib.suppress(PackageNotFoundError):
-        folders.append(Path(get_package_share_directory("tcs_friction")) / "config")
-    for folder in folders:
-        with contextlib.suppress(OSError):
-            if (folder / name).is_file():
-                return folder / name
-    known = sorted({path.name for folder in folders for path in folder.glob("*.yaml")})
-    raise InputError(name[:LONGEST_NAME], "no such file", f"a path, or one of {', '.join(known)}")
-
-
-def axis_file(name: str) -> AxisFile:
-    """An axis file by path or name. Raises InputError, which does not quote it to others: see `ContentError`."""
-    path = config_file(name)
-    with unquoted():
-        return load_axis(path)
-
-
-def reference_file(name: str) -> Reference:
-    """A reference by path or name of its file. Raises InputError, which does not quote it to others: see `ContentError`."""
-    path = config_file(name)
-    with unquoted():
-        return load_reference(path)
-
-
 def control_of(file: AxisFile) -> Control:
     """How an axis file says to control its axis, or a cautious way where it does not say."""
     return file.control or default_control(file.axis)
@@ -110,6 +77,7 @@ class AxisNode(Node, Generic[C]):
         self.file = axis_file(path)
         self.health = Health()
         self._reported = ""
+        self._said: dict[str, str] = {}
         self._watched: dict[str, Callable[[], float]] = {}
         self.rivals: set[str] = set()
         """Topics on which two publishers contradict each other."""
@@ -217,9 +185,20 @@ class AxisNode(Node, Generic[C]):
             self.set_parameters_atomically(parameters.as_parameters(wanted))
             return
         self.changing = frozenset(item.name for item in changes)
+        self._log_switches(changes)
         self.configure(parameters.with_parameters(self.config, changes, self.get_name()))
 
+    def _log_switches(self, changes: Sequence[Parameter]) -> None:
+        for item in changes:
+            if isinstance(item.value, bool) and item.value != getattr(self.config, item.name, item.value):
+                self.get_logger().info(f"{item.name} {'on' if item.value else 'off'}")
+
     # Diagnostics
+
+    @property
+    def introduction(self) -> str:
+        """What the log says when the node is ready."""
+        return f"ready: axis {self.file.axis.name}, {self.config.clock.replace('_', '-')}, period {self.config.period:g} s"
 
     def _report(self) -> None:
         now = time.monotonic()
@@ -236,7 +215,12 @@ class AxisNode(Node, Generic[C]):
         self._log(problem, warning)
 
     def _log(self, problem: str, warning: str) -> None:
-        """A problem once when it comes and once when it goes; warnings throttled."""
+        """A problem once when it comes and once when it goes, a change of state once; warnings throttled."""
+        for state in LOGGED_STATES:
+            value = self.health.values.get(state, "")
+            if value != self._said.get(state, ""):
+                self.get_logger().info(f"{state}: {value}")
+                self._said[state] = value
         if warning:
             self.get_logger().warning(warning, throttle_duration_sec=WARN_EVERY)
         if bool(problem) == bool(self._reported):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tcs_friction.control.observer_settings import ObserverSettings
-from tcs_friction.errors import JobError
+from tcs_friction.errors import JobError, TcsError
 from tcs_friction.identify.dob_calibration import Calibration, Comparison, calibrate
 from tcs_friction.nodes.series import Series
 
@@ -76,12 +76,15 @@ class CalibrationMemory:
 
 
 def calibrated(comparisons: Sequence[Comparison], observer: ObserverSettings) -> Calibration:
-    """The observer calibrated. Raises JobError when observer and dynamometer do not agree after it, InputError for bad data."""
-    found = calibrate(comparisons, observer)
+    """The observer calibrated. Raises JobError when the data does not do, or when observer and dynamometer still do not agree."""
+    try:
+        found = calibrate(comparisons, observer)
+    except TcsError as error:
+        raise JobError(error.where, f"{error.found}; nothing was changed", error.expected) from None
     shares = f"{100.0 * found.accuracy_uniform:.2f} % in uniform motion, {100.0 * found.accuracy:.2f} % over everything"
     if not min(found.accuracy_uniform, found.accuracy) >= LEAST_ACCURACY:
-        least = f"at least {100.0 * LEAST_ACCURACY:g} %; nothing was changed"
-        raise JobError("calibration", f"observer and dynamometer agree to {shares} at best", least)
+        words = f"observer and dynamometer agree to {shares} at best; nothing was changed"
+        raise JobError("calibration", words, f"at least {100.0 * LEAST_ACCURACY:g} %")
     if found.accuracy < found.accuracy_before:
         before = f"{100.0 * found.accuracy_before:.2f} % over everything before"
         raise JobError("calibration", f"{shares} is no better than {before}; nothing was changed")

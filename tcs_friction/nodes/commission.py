@@ -18,9 +18,10 @@ from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch, text
 from tcs_friction.control.tracking import ARCSEC, TrackingErrors
 from tcs_friction.errors import InputError, JobError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived, reference_file
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import friction_of, lugre_message
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import config_file, reference_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter, create_deferred_service
 from tcs_friction.nodes.modes import NAMES as MODE_NAMES
 from tcs_friction.nodes.modes import Modes, Setup

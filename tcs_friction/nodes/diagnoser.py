@@ -14,9 +14,10 @@ from tcs_friction.control.config_field import setting
 from tcs_friction.diagnose.result import Diagnosis
 from tcs_friction.diagnose.verdict import diagnose
 from tcs_friction.errors import JobError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, axis_file, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import axis_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.live import LiveRecording, recordings
 from tcs_friction.nodes.peers import ResultsConfig, new_results

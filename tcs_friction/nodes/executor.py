@@ -70,6 +70,8 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
         for factory in factories:
             nodes.append(factory())
             executor.add_node(nodes[-1])
+            if words := getattr(nodes[-1], "introduction", ""):
+                nodes[-1].get_logger().info(words)
         gc.collect()
         gc.freeze()  # a collection of everything imported would take several control periods
         spin(executor, stop)

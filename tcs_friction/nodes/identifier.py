@@ -24,10 +24,11 @@ from tcs_friction.identify.identification import METHODS, identified_axis, ident
 from tcs_friction.identify.motion import Data, FrictionSeries
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
-from tcs_friction.nodes.base import AxisNode, ClockConfig, axis_file, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import fill_direction, set_stamp
 from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import axis_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.live import LiveRecording, recordings
 from tcs_friction.nodes.peers import ResultsConfig, new_results

@@ -131,6 +131,7 @@ class PlayerNode(PlainNode[PlayerConfig]):
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if self.config.clock_rate else None
+        self.get_logger().info(f"ready to play {self.config.bag}")
         self._finished = threading.Event()
         self.create_timer(POLL, self._look)
         self._thread = threading.Thread(target=self._play, daemon=True)

@@ -15,9 +15,10 @@ from tcs_friction.control.joining import JoinedReference, Phase, check_programme
 from tcs_friction.control.plausible import MotionLimits, Ranges, motion_limits, ranges
 from tcs_friction.control.stamps import Step
 from tcs_friction.errors import TcsError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, reference_file
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import reference_file
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE

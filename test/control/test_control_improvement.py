@@ -27,7 +27,7 @@ def test_errors_are_taken_around_each_reversal() -> None:
     t, speed, _ = run(1.0, 0)
     error = np.where(t < 3.0, 2.0, 5.0)  # of reversals at 2 s, 4 s, ...
     found = errors_by_reversal(t, speed, error, 0.5)
-    assert found[0] == pytest.approx(2.0)  # the reversal at 2 s lasts to 3 s, half-way to the next
+    assert found[0] == pytest.approx(2.0, rel=0.02)  # the reversal at 2 s lasts to 3 s, half-way to the next
     assert found[1:] == pytest.approx(5.0)
     assert len(found) == 6
 

@@ -18,7 +18,7 @@ from tcs_friction.nodes.graph import GRAPH
 ABORTED = 6
 ACTION = (CommissionAction, "commission/commission")
 RUN = "{kind: legs, speed: 1.7453293e-3, leg: 0.5, acceleration: 5.0e-3, duration: 6.0}"
-MEASURE = "{kind: sinusoid, amplitude: 3.0e-3, period: 8.0, duration: 8.0}"
+MEASURE = "{kind: sinusoid, amplitude: 3.0e-3, period: 8.0, duration: 7.0}"
 
 
 @pytest.fixture
@@ -40,32 +40,35 @@ def commissioned(graph: Any, directory: str = "", hear: Callable[[Any], None] = 
     return graph.result(act(graph, *ACTION, goal, hear, **options), 120.0)
 
 
-@pytest.mark.parametrize(
-    ("wanted", "words"),
-    [
-        ({"reference_file": "{kind: hold, duration: 5.0}"}, "no reversal to positive or negative motion in its 5 s"),
-        ({"reference_file": "{kind: legs, speed: 1.7e-3, leg: 1.5, acceleration: 5.0e-3, duration: 4.0}"}, "to positive motion"),
-        ({"settle": 6.0}, "after the 6 s of settle"),
-        ({"directory": "/tmp/first_light"}, "'/tmp/first_light': is not allowed"),
-        ({"directory": "used"}, "used: holds something already"),
-        ({"directory": "file/below"}, "file/below: cannot be made"),
-        ({"repetitions": 4_000_000_000}, "at most 100"),
-        ({}, "service /azimuth/lugre_compensator/get_parameters: not there"),
-    ],
-)
 def test_what_cannot_be_done_is_said_before_the_first_run(
-    together: Callable[..., Any], files: Callable[..., list[str]], tmp_path: Path, wanted: dict[str, Any], words: str
+    together: Callable[..., Any], files: Callable[..., list[str]], tmp_path: Path
 ) -> None:
     (tmp_path / "used").mkdir()
     (tmp_path / "used/axis.yaml").write_text("mine")
     (tmp_path / "file").write_text("")
-    goal = {name: wanted.pop(name) for name in ("directory", "repetitions") if name in wanted}
-    graph = together(*files(**wanted, answer_limit=0.3), nodes=["commission"])
+    for name, text in (("still", "{kind: hold, duration: 5.0}"), ("one_way", RUN.replace("6.0", "2.5"))):
+        (tmp_path / name).write_text(f"reference: {text}\n")
+    graph = together(*files(answer_limit=0.3), nodes=["commission"])
     stages: list[str] = []
-    ended = commissioned(graph, hear=lambda feedback: stages.append(feedback.stage), **goal)
-    assert ended.status == ABORTED
-    assert words in ended.result.message
-    assert "\n" not in ended.result.message
+
+    def refused(words: str, directory: str = "", repetitions: int = 0, **changes: Any) -> None:
+        node = graph["commission"]
+        before = [Parameter(name, value=getattr(node.config, name)) for name in changes]
+        node.set_parameters([Parameter(name, value=value) for name, value in changes.items()])
+        ended = commissioned(graph, directory, lambda feedback: stages.append(feedback.stage), repetitions=repetitions)
+        assert ended.status == ABORTED
+        assert words in ended.result.message
+        assert "\n" not in ended.result.message
+        node.set_parameters(before)
+
+    refused("no reversal to positive or negative motion in its 5 s", reference_file=str(tmp_path / "still"))
+    refused("no reversal to positive motion in its 2.5 s", reference_file=str(tmp_path / "one_way"))
+    refused("after the 6 s of settle", settle=6.0)
+    refused("'/tmp/first_light': is not allowed", "/tmp/first_light")
+    refused("used: holds something already", "used")
+    refused("file/below: cannot be made", "file/below")
+    refused("at most 100", repetitions=4_000_000_000)
+    refused("service lugre_compensator/get_parameters: not there")
     assert not stages
 
 
@@ -87,7 +90,7 @@ def test_no_gain_is_no_success_and_everything_is_as_before(
 
 def test_a_cancelled_commissioning_sets_back_and_rests(together: Callable[..., Any], files: Callable[..., list[str]]) -> None:
     """Meanwhile nobody else sets the mode, and another goal is rejected."""
-    graph = together(*files(switch3="true", measure_file=MEASURE.replace("8.0}", "60.0}")), nodes=GRAPH)
+    graph = together(*files(switch3="true", period=0.004, measure_file=MEASURE.replace("7.0}", "60.0}")), nodes=GRAPH)
     heard: set[str] = set()
     answers: list[Any] = []
 
@@ -110,7 +113,7 @@ def test_a_cancelled_commissioning_sets_back_and_rests(together: Callable[..., A
 
 
 def test_a_switch_that_somebody_turns_during_a_run_ends_it(together: Callable[..., Any], files: Callable[..., list[str]]) -> None:
-    graph = together(*files(), nodes=GRAPH)
+    graph = together(*files(period=0.004), nodes=GRAPH)
     heard: list[str] = []
 
     def hear(feedback: Any) -> None:

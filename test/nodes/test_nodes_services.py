@@ -21,21 +21,16 @@ PERIOD = 5e-3
 
 
 def test_every_service_answers_while_messages_flow(processes: Any, caller: Any, tmp_path: Any) -> None:
+    """Calibration, which once took its node down within six calls, a few times more."""
     processes.start_graph(*WORDS, "-p", f"results:={tmp_path}")
     stress = Stress(caller.driver, seed=1)
     stress.find(GRAPH)
     assert len(stress.services) > 60
-    stress.run(8.0)
+    stress.run(6.0)
     assert processes.alive("graph"), processes.log("graph")
     assert stress.unanswered == []
     assert sum(stress.calls.values()) > len(stress.services)
-
-
-def test_a_calibration_while_messages_flow_takes_no_node_down(processes: Any, caller: Any) -> None:
-    processes.start_graph(*WORDS)
-    assert caller.until(lambda: caller.driver.count_publishers("dynamometer") == 1, 60.0)
-    caller.positions(3.0)
-    for _ in range(15):
+    for _ in range(10):
         answer = caller.call(Trigger, "dob/calibrate", Trigger.Request(), 20.0)
         assert answer is not None, processes.log("graph")
         assert answer.message
@@ -65,7 +60,9 @@ def observer() -> Any:
 
 def test_a_calibration_that_is_none_fails() -> None:
     assert calibrated(recorded(40.0).comparisons(), observer()).accuracy > 0.9
-    with pytest.raises(JobError, match=r"dynamometer agree to .* at best, expected at least 90 %; nothing was changed"):
+    with pytest.raises(JobError, match=r"dynamometer agree to .* at best; nothing was changed, expected at least 90 %"):
+        calibrated(recorded(40.0, scale=0.7).comparisons(), observer())
+    with pytest.raises(JobError, match=r"plant.first is -.*; nothing was changed"):
         calibrated(recorded(40.0, scale=0.1).comparisons(), observer())
 
 
@@ -82,7 +79,7 @@ def test_a_pause_is_not_bridged() -> None:
         memory.state(stamp, 80.0, 2e-3)
     first, second = memory.comparisons()
     assert first.t[-1] < 20.0
-    assert second.t[0] == 30.0
+    assert second.t[0] == pytest.approx(30.0)
 
 
 def test_a_failed_calibration_changes_nothing(together: Callable[..., Any]) -> None:
