@@ -26,7 +26,7 @@ AT_ONCE = 8
 """Calls on their way."""
 PATIENCE = 30.0
 """s for an answer; a job that is refused answers at once, one that runs may take longer, and is called on the side."""
-SETTLED = 2.0
+SETTLED = 5.0
 """s without a new service, after which discovery is taken to be over."""
 JOBS = ("identify", "diagnose", "calibrate")
 ARGUMENTS = ("clock:=real_time", "period:=0.005", "dynamometer:=50.0", "switch1:=true", "switch2:=true")
@@ -106,23 +106,32 @@ class Stress:
         lists = [self._node.get_service_names_and_types_by_node(name, namespace) for name in names]
         return {service: types[0] for entries in lists for service, types in entries if "/_action/" not in service}
 
-    def run(self, seconds: float) -> None:
-        """Call for a while, then wait for what is on its way."""
+    def run(self, seconds: float, least: int = 0) -> None:
+        """Call for a while, and `least` times at least, then wait for what is on its way."""
         end = time.monotonic() + seconds
-        while time.monotonic() < end or (self._pending and time.monotonic() < end + PATIENCE):
-            while len(self._pending) < AT_ONCE and time.monotonic() < end:
-                self._call(self._random.choice(sorted(self.services)))
-            self._executor.spin_once(timeout_sec=0.05)
-            self._collect()
-        self.unanswered += [name for name, _, _ in self._pending]
+        names = sorted(self.services)
+        while time.monotonic() < end or (sum(self.calls.values()) < least and not self.unanswered):
+            while len(self._pending) < AT_ONCE and (ready := [name for name in names if self._client(name).service_is_ready()]):
+                self._call(self._random.choice(ready))
+            self._turn()
+        while self._pending:
+            self._turn()
+
+    def _turn(self) -> None:
+        self._executor.spin_once(timeout_sec=0.05)
+        self._collect()
+
+    def _client(self, name: str) -> Any:
+        if name not in self._clients:
+            package, _, kind = self.services[name].split("/")
+            service = getattr(importlib.import_module(f"{package}.srv"), kind)
+            self._clients[name] = self._node.create_client(service, name)
+        return self._clients[name]
 
     def _call(self, name: str) -> None:
-        package, _, kind = self.services[name].split("/")
-        service = getattr(importlib.import_module(f"{package}.srv"), kind)
-        if name not in self._clients:
-            self._clients[name] = self._node.create_client(service, name)
+        client = self._client(name)
         self.calls[name] += 1
-        future = self._clients[name].call_async(self._request(service, name))
+        future = client.call_async(self._request(client.srv_type, name))
         if not name.endswith(JOBS):
             self._pending.append((name, future, time.monotonic()))
 

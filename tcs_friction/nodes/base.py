@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -23,6 +24,7 @@ from tcs_friction.nodes.health import Health, Judgement
 from tcs_friction.nodes.steady import steady_timer
 
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
+_NUMBER = re.compile(r"\d+(\.\d+)?")
 LOGGED_STATES = ("phase", "life cycle")
 """Values of /diagnostics whose changes are in the log."""
 WARN_EVERY = 10.0
@@ -78,6 +80,7 @@ class AxisNode(Node, Generic[C]):
         self.health = Health()
         self._reported = ""
         self._said: dict[str, str] = {}
+        self._warned = ""
         self._watched: dict[str, Callable[[], float]] = {}
         self.rivals: set[str] = set()
         """Topics on which two publishers contradict each other."""
@@ -215,14 +218,16 @@ class AxisNode(Node, Generic[C]):
         self._log(problem, warning)
 
     def _log(self, problem: str, warning: str) -> None:
-        """A problem once when it comes and once when it goes, a change of state once; warnings throttled."""
+        """A problem once when it comes and once when it goes, a change of state once; a warning when it comes, throttled."""
         for state in LOGGED_STATES:
             value = self.health.values.get(state, "")
             if value != self._said.get(state, ""):
                 self.get_logger().info(f"{state}: {value}")
                 self._said[state] = value
-        if warning:
+        same = _NUMBER.sub("", warning)  # how often or how long is no news
+        if warning and same != self._warned:
             self.get_logger().warning(warning, throttle_duration_sec=WARN_EVERY)
+        self._warned = same
         if bool(problem) == bool(self._reported):
             return
         if problem:

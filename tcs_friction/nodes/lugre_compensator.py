@@ -17,7 +17,7 @@ from tcs_friction.control.plausible import Ranges, ranges
 from tcs_friction.control.stamps import FollowRule, Step
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.convert import SECOND, friction_of
+from tcs_friction.nodes.convert import SECOND, friction_of, nanoseconds
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE, TORQUE, message_of
@@ -44,6 +44,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         super().__init__("lugre_compensator", defaults)
         self._publisher = self.create_publisher(AxisTorque, "friction_compensation", PUBLISH)
         self._message = b""
+        self._identified = 0  # ns, stamp of the parameters taken last
         self._stamp = -1
         self._compensator = LugreCompensator(self.config, self.config.period)
         self._rule = FollowRule(self.lock_step)
@@ -120,6 +121,10 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         if message is None:
             self.health.refuse("lugre_parameters refused: not readable")
             return
+        stamp = nanoseconds(message.header.stamp)
+        if 0 < stamp < self._identified:
+            return  # latched by another publisher, and replaced since
+        self._identified = stamp
         values = friction_of(message)
         result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
         if result.successful:

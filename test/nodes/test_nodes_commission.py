@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.srv import Diagnose, Identify, SetMode
@@ -167,7 +168,9 @@ def test_a_cancelled_commissioning_leaves_the_mode_plain(together: Callable[...,
     assert switches(graph) == (False, False, False)
 
 
-def test_a_second_goal_is_refused_while_one_runs(together: Callable[..., Any], short: list[str]) -> None:
+def test_a_second_goal_is_refused_while_one_runs(
+    together: Callable[..., Any], short: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
     graph = together(*short, nodes=GRAPH)
     heard: list[str] = []
     client = ActionClient(graph.driver, IdentifyAction, "identifier/identify")
@@ -176,6 +179,7 @@ def test_a_second_goal_is_refused_while_one_runs(together: Callable[..., Any], s
     sent = client.send_goal_async(IdentifyAction.Goal())
     assert graph.until(sent.done)
     assert not sent.result().accepted
+    assert "goal rejected: identifier/identify: busy with another request for" in capfd.readouterr().err
     answer = call(graph, Identify, "identifier/identify", Identify.Request())
     assert "busy" in answer.message
     assert heard == []
@@ -203,11 +207,11 @@ def test_the_compensator_refuses_bad_parameters_whole(together: Callable[..., An
     message: LugreParameters = lugre_message(node.config, 0, "a bad day")
     message.positive.coulomb = 50.0
     message.negative.stiffness = float("nan")
-    node._on_parameters(message)
+    node._on_parameters(serialize_message(message))
     assert node.config == before
     assert "refused" in node.health.warning
     message.negative.stiffness = 2e5
-    node._on_parameters(message)
+    node._on_parameters(serialize_message(message))
     assert (node.config.positive.coulomb, node.config.negative.stiffness) == (50.0, 2e5)
     assert node.get_parameter("positive.coulomb").value == 50.0
     assert node.set_parameters([Parameter("switch3", value=True)])[0].successful

@@ -9,10 +9,12 @@ from typing import Any
 import pytest
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.srv import SetMode
 from test_nodes_commission import CANCELED, act, call, switches
 
+from tcs_friction.nodes.convert import lugre_message
 from tcs_friction.nodes.graph import GRAPH
 
 ABORTED = 6
@@ -90,15 +92,15 @@ def test_no_gain_is_no_success_and_everything_is_as_before(
 
 def test_a_cancelled_commissioning_sets_back_and_rests(together: Callable[..., Any], files: Callable[..., list[str]]) -> None:
     """Meanwhile nobody else sets the mode, and another goal is rejected."""
-    graph = together(*files(switch3="true", period=0.004, measure_file=MEASURE.replace("7.0}", "60.0}")), nodes=GRAPH)
-    heard: set[str] = set()
+    graph = together(*files(switch3="true", period=0.004, reference_file=RUN.replace("6.0}", "600.0}")), nodes=GRAPH)
     answers: list[Any] = []
+    asked: list[str] = []
 
     def hear(feedback: Any) -> None:
-        if feedback.stage == "measuring friction" and feedback.stage not in heard:
+        if not asked and feedback.progress > 0.0:
+            asked.append(feedback.stage)
             client = graph.driver.create_client(SetMode, "set_mode")
             client.call_async(SetMode.Request(mode=1)).add_done_callback(lambda done: answers.append(done.result()))
-        heard.add(feedback.stage)
 
     ended = commissioned(graph, hear=hear, cancel_when=lambda: bool(answers))
     assert ended.status == CANCELED
@@ -107,7 +109,7 @@ def test_a_cancelled_commissioning_sets_back_and_rests(together: Callable[..., A
     assert switches(graph) == (False, False, True)
     stamp = graph["plant"]._stamp
     graph.for_seconds(1.5)
-    assert graph["plant"]._stamp == stamp < 60_000_000_000, "simulated time stands still"
+    assert graph["plant"]._stamp == stamp < 600_000_000_000, "simulated time stands still"
     assert "is reached" in graph["plant"].waits()
     assert call(graph, SetMode, "set_mode", SetMode.Request(mode=1)).success
 
@@ -154,3 +156,13 @@ def test_commissioning_comes_to_its_end_in_real_time(
         assert parameters == {"switch3": False, "positive.coulomb": 78.1}
     positions = caller.positions(1.0)
     assert max(positions) - min(positions) < 1e-5, "the axis rests"
+
+
+def test_of_two_latched_sets_of_parameters_the_newer_one_holds(together: Callable[..., Any]) -> None:
+    """A compensator that starts later hears both the identifier's and what commissioning has set back, in any order."""
+    node = together(nodes=["lugre_compensator"])["lugre_compensator"]
+    for stamp, coulomb in ((2_000_000_000, 70.0), (1_000_000_000, 60.0)):
+        message = lugre_message(node.config, stamp, "a test")
+        message.positive.coulomb = coulomb
+        node._on_parameters(serialize_message(message))
+    assert node.config.positive.coulomb == 70.0

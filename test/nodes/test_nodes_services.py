@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 
@@ -25,11 +24,11 @@ def test_every_service_answers_while_messages_flow(processes: Any, caller: Any, 
     processes.start_graph(*WORDS, "-p", f"results:={tmp_path}")
     stress = Stress(caller.driver, seed=1)
     stress.find(GRAPH)
-    assert len(stress.services) > 60
-    stress.run(6.0)
+    assert len(stress.services) > 50
+    stress.run(6.0, least=100)
     assert processes.alive("graph"), processes.log("graph")
     assert stress.unanswered == []
-    assert sum(stress.calls.values()) > len(stress.services)
+    assert sum(stress.calls.values()) >= 100
     for _ in range(10):
         answer = caller.call(Trigger, "dob/calibrate", Trigger.Request(), 20.0)
         assert answer is not None, processes.log("graph")
@@ -37,17 +36,16 @@ def test_every_service_answers_while_messages_flow(processes: Any, caller: Any, 
     assert processes.alive("graph"), processes.log("graph")
 
 
-def recorded(seconds: float, period: float = PERIOD, scale: float = 1.0) -> CalibrationMemory:
-    """Legs of constant speed to and fro; the dynamometer reads `scale` times what opposes the motion, and noise."""
+def recorded(seconds: float, period: float = PERIOD, wrong: float = 0.0) -> CalibrationMemory:
+    """Legs of constant speed to and fro; the dynamometer is `wrong` N m off, up and down."""
     memory = CalibrationMemory()
     memory.configure(PERIOD, 1000.0)
-    random = np.random.default_rng(0)
     for k in range(round(seconds / period)):
         t = 10.0 + k * period
         speed = 2e-3 * math.tanh(20.0 * math.sin(2.0 * math.pi * t / 10.0))
         friction = 80.0 * math.copysign(1.0, speed)
         stamp = round(t * 1e9)
-        memory.reading(stamp, scale * friction + (1.0 - scale) * 200.0 * random.standard_normal())
+        memory.reading(stamp, friction + wrong * math.sin(2.3 * t))
         memory.state(stamp, friction, speed)
     return memory
 
@@ -61,9 +59,7 @@ def observer() -> Any:
 def test_a_calibration_that_is_none_fails() -> None:
     assert calibrated(recorded(40.0).comparisons(), observer()).accuracy > 0.9
     with pytest.raises(JobError, match=r"dynamometer agree to .* at best; nothing was changed, expected at least 90 %"):
-        calibrated(recorded(40.0, scale=0.7).comparisons(), observer())
-    with pytest.raises(JobError, match=r"plant.first is -.*; nothing was changed"):
-        calibrated(recorded(40.0, scale=0.1).comparisons(), observer())
+        calibrated(recorded(40.0, wrong=40.0).comparisons(), observer())
 
 
 def test_states_at_another_rate_do_not_calibrate() -> None:
@@ -85,7 +81,7 @@ def test_a_pause_is_not_bridged() -> None:
 def test_a_failed_calibration_changes_nothing(together: Callable[..., Any]) -> None:
     graph = together("-p", f"period:={PERIOD}", nodes=["dob"])
     node = graph["dob"]
-    node._calibration = recorded(40.0, scale=0.1)
+    node._calibration = recorded(40.0, wrong=40.0)
     before = node.config
     client = graph.driver.create_client(Trigger, "dob/calibrate")
     assert graph.until(client.service_is_ready)
