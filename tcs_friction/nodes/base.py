@@ -80,7 +80,7 @@ class AxisNode(Node, Generic[C]):
         self.health = Health()
         self._reported = ""
         self._said: dict[str, str] = {}
-        self._warned = ""
+        self._warned, self._warned_at = "", -WARN_EVERY
         self._watched: dict[str, Callable[[], float]] = {}
         self.rivals: set[str] = set()
         """Topics on which two publishers contradict each other."""
@@ -224,10 +224,7 @@ class AxisNode(Node, Generic[C]):
             if value != self._said.get(state, ""):
                 self.get_logger().info(f"{state}: {value}")
                 self._said[state] = value
-        same = _NUMBER.sub("", warning)  # how often or how long is no news
-        if warning and same != self._warned:
-            self.get_logger().warning(warning, throttle_duration_sec=WARN_EVERY)
-        self._warned = same
+        self._log_warning(warning)
         if bool(problem) == bool(self._reported):
             return
         if problem:
@@ -235,6 +232,15 @@ class AxisNode(Node, Generic[C]):
         else:
             self.get_logger().info("all is well again")
         self._reported = problem
+
+    def _log_warning(self, warning: str) -> None:
+        """A warning when it comes; it is no other one because its numbers have changed."""
+        now, words = time.monotonic(), _NUMBER.sub("", warning)
+        if not words:
+            self._warned = ""
+        elif words != self._warned and now - self._warned_at >= WARN_EVERY:
+            self.get_logger().warning(warning)
+            self._warned, self._warned_at = words, now
 
     _last_progress: tuple[int, float] = (-1, 0.0)
 
