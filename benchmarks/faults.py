@@ -19,10 +19,10 @@ from benchmarks.faulty_nodes import LOOP, Loop
 from benchmarks.faulty_watch import Watch
 from tcs_friction.errors import JobError
 
-WELL_WITHIN = 40.0  # s, processes started anew included
-RUNNING_WITHIN = 20.0  # s, the way to the programme included
-NAMED_WITHIN = 5.0  # s; reports come every second
-LONGEST_STOP = 3.0  # s
+WELL_WITHIN = 60.0  # s, processes started anew included
+RUNNING_WITHIN = 30.0  # s, the way to the programme included
+NAMED_WITHIN = 10.0  # s; reports come every second
+STOPS = (1.5, 3.0)  # s, longer than the age limit
 NAMES = {  # what a report says when this process is away
     "plant": "joint_states",
     "reference": "reference",
@@ -84,7 +84,7 @@ def _inject(kind: str, chance: random.Random, loop: Loop, watch: Watch) -> list[
         named = watch.until_named(NAMES[name], NAMED_WITHIN)
         loop.start(name)
     elif kind == "stop":
-        span = chance.uniform(1.0, LONGEST_STOP)
+        span = chance.uniform(*STOPS)
         loop.signal(name, signal.SIGSTOP)
         time.sleep(span)
         loop.signal(name, signal.SIGCONT)

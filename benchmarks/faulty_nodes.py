@@ -26,6 +26,9 @@ PARAMETERS: dict[str, object] = {
     "velocity_proportional": 2.5e4,
     "velocity_integral": 2e5,
     "velocity_delay": 0.0,
+    "age_limit": 0.5,  # a process may have to wait for a busy machine
+    "patience": 1.0,
+    "watchdog": 0.3,
     "switch1": True,
     "switch3": True,
     "kind": "sinusoid",

@@ -58,10 +58,9 @@ class Ranges:
 
     def reference_objection(self, inertia: float, position: float, speed: float, acceleration: float) -> str:
         """Why a reference cannot be meant, "" when it can. The largest torque gives the largest acceleration."""
-        objection = self.state_objection(position, speed)
-        if not objection and not -self.largest_torque <= inertia * acceleration <= self.largest_torque:
-            objection = f"acceleration {acceleration:g}"
-        return objection
+        if -self.largest_torque <= inertia * acceleration <= self.largest_torque:
+            return self.state_objection(position, speed)
+        return f"acceleration {acceleration:g}"
 
 
 @dataclass(frozen=True)

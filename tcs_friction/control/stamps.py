@@ -29,6 +29,9 @@ class Step(Enum):
     REFUSED = "refused"
 
 
+NEXT, REPEATED, NEW_RUN, REFUSED = Step  # members of an enumeration are slow to look up at every tick
+
+
 @dataclass(frozen=True)
 class _Heard:
     stamp: int
@@ -70,13 +73,13 @@ class FollowRule:
         """What the message is; `now` is steady time in s, of no meaning in lock-step."""
         if not 0 <= stamp < STAMP_END:
             self.reason = f"stamp of {stamp / SECOND:g} s is no time"
-            return Step.REFUSED
+            return REFUSED
         last = self.last
         if stamp == last:
-            return Step.REPEATED
+            return REPEATED
         if self._lock_step:
             self.last = stamp
-            return Step.NEXT if stamp > last else Step.NEW_RUN
+            return NEXT if stamp > last else NEW_RUN
         return self._judge_in_real_time(_Heard(stamp, position, now))
 
     def _judge_in_real_time(self, heard: _Heard) -> Step:

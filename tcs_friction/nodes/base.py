@@ -86,6 +86,8 @@ class AxisNode(Node, Generic[C]):
         """Topics on which two publishers contradict each other."""
         self.config: C = parameters.declare(self, defaults(self.file))
         parameters.refuse_unknown(self)
+        self.lock_step = self.config.clock == LOCK_STEP
+        """Which of the two clocks; it does not change while the node runs."""
         self.check(self.config, self.file)
         self.add_on_set_parameters_callback(self._accept)
         self.add_post_set_parameters_callback(self._apply)
@@ -96,11 +98,6 @@ class AxisNode(Node, Generic[C]):
         """To be called at the end of a subclass' constructor: configure it and begin to report."""
         self.configure(self.config)
         steady_timer(self, 1.0, self._report)
-
-    @property
-    def lock_step(self) -> bool:
-        """Which of the two clocks; it does not change while the node runs."""
-        return self.config.clock == LOCK_STEP
 
     def check(self, config: C, file: AxisFile) -> None:
         """Raises InputError where valid settings do not go together. For subclasses."""

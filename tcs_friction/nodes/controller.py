@@ -15,7 +15,7 @@ from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.fading import FadingInput, Ramp
 from tcs_friction.control.pid import DoubleLoopPid, PidConfig
 from tcs_friction.control.plausible import Ranges, compensation_limit, motion_limits, ranges
-from tcs_friction.control.stamps import AnswerRule, Step
+from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, AnswerRule, Step
 from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
@@ -117,18 +117,18 @@ class Controller(ManagedNode[ControllerConfig]):
 
     def _on_state(self, data: bytes) -> None:
         step = self._state.take(data)
-        if step is Step.REFUSED:
+        if step is REFUSED:
             return
         stamp = self._state.stamp
         if not self._lock_step:
-            if step is not Step.REPEATED:
+            if step is not REPEATED:
                 self._command_with_latest(stamp, step)
             return
-        if step is Step.REPEATED and stamp == self._done:
+        if step is REPEATED and stamp == self._done:
             self.health.repeats += 1
             self._publisher.publish(self._message)
             return
-        if step is Step.NEW_RUN:
+        if step is NEW_RUN:
             self._pid.reset()
         self._pending = stamp
         self._command_when_complete()
@@ -138,46 +138,48 @@ class Controller(ManagedNode[ControllerConfig]):
         objection = self.config.reference_objection(self._inertia, *numbers)
         if not (objection or self._lock_step):
             objection = self._out_of_reach(numbers[0])
-        if self._usable("reference", stamp, numbers, objection):
-            self._reference, self._reference_stamp = numbers, stamp
-            if self._lock_step:
-                self._command_when_complete()
+        if (objection or not self._lock_step) and not self._usable("reference", stamp, numbers, objection):
+            return
+        self._reference, self._reference_stamp = numbers, stamp
+        if self._lock_step:
+            self._command_when_complete()
 
     def _on_compensation(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
         limit = self.config.compensation_limit
         objection = "" if -limit <= numbers[0] <= limit else f"{numbers[0]:g} N m, the limit is {limit:g}"
-        if self._usable(COMPENSATION, stamp, numbers, objection):
-            self._compensation, self._compensation_stamp = numbers[0], stamp
-            if self._lock_step:
-                self._command_when_complete()
-            else:
-                self._faded[COMPENSATION].put(numbers[0], stamp)
+        if (objection or not self._lock_step) and not self._usable(COMPENSATION, stamp, numbers, objection):
+            return
+        self._compensation, self._compensation_stamp = numbers[0], stamp
+        if self._lock_step:
+            self._command_when_complete()
+        else:
+            self._faded[COMPENSATION].put(numbers[0], stamp)
 
     def _on_estimate(self, data: bytes) -> None:
         stamp, numbers = ESTIMATE.read(data)
         residual, limit = numbers[2], self.config.compensation_limit
-        if self._usable(OBSERVER, stamp, numbers, self.config.torque_objection(residual)):
-            self._residual, self._estimate_stamp = min(max(residual, -limit), limit), stamp
-            if self._lock_step:
-                self._command_when_complete()
-            else:
-                self._faded[OBSERVER].put(self._residual, stamp)
+        if not -limit <= residual <= limit or not self._lock_step:
+            if not self._usable(OBSERVER, stamp, numbers, self.config.torque_objection(residual)):
+                return
+            residual = min(max(residual, -limit), limit)
+        self._residual, self._estimate_stamp = residual, stamp
+        if self._lock_step:
+            self._command_when_complete()
+        else:
+            self._faded[OBSERVER].put(residual, stamp)
 
     def _out_of_reach(self, position: float) -> str:
         away, limit = abs(position - self._state.position), self.config.following_limit
         return f"{away:.4g} from the axis, following_limit is {limit:.4g}" if away > limit else ""
 
     def _usable(self, name: str, stamp: int, numbers: tuple[float, ...], objection: str) -> bool:
-        """Whether an input may be used; what is refused is reported."""
-        if self._lock_step:
-            if objection:
-                self.health.refuse(f"{name} refused: {objection}")
-            return not objection
+        """Whether an input may be used; what is refused is reported. Lock-step asks for what is out of range only."""
         now = time.monotonic()
-        if self._state.stamp < 0:
-            return False  # which states it is about is not known yet
-        objection = objection or self._answers[name].objection(stamp, numbers, self._state.stamp, now)
+        if not self._lock_step:
+            if self._state.stamp < 0:
+                return False  # which states it is about is not known yet
+            objection = objection or self._answers[name].objection(stamp, numbers, self._state.stamp, now)
         if objection:
             self.health.refuse(f"{name} refused: {objection}")
             return False
@@ -207,8 +209,8 @@ class Controller(ManagedNode[ControllerConfig]):
     def _command_with_latest(self, stamp: int, step: Step) -> None:
         """Real time: use the latest inputs that are young enough; no torque without a reference that begins at the axis."""
         elapsed = (stamp - self._done) / SECOND if self._done >= 0 else 0.0
-        if step is Step.NEW_RUN or elapsed > self.config.age_limit:
-            self._begin_anew(step is Step.NEW_RUN)
+        if step is NEW_RUN or elapsed > self.config.age_limit:
+            self._begin_anew(step is NEW_RUN)
             elapsed = 0.0
         self._done = stamp
         if not self.active and self._ramp.value == 0.0:

@@ -18,7 +18,7 @@ from tcs_friction.control.fading import FadingInput
 from tcs_friction.control.observer import FrictionObserver
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.plausible import Ranges, ranges
-from tcs_friction.control.stamps import AnswerRule, Step
+from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, AnswerRule
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.calibration import CalibrationMemory, calibrated
@@ -98,12 +98,11 @@ class Dob(AxisNode[DobNodeConfig]):
     def _on_compensation(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
         objection = self.config.torque_objection(numbers[0])
-        if not self.lock_step and not objection and self._state.stamp >= 0:
+        if not (objection or self.lock_step) and self._state.stamp >= 0:
             objection = self._take_in_real_time(stamp, numbers)
         if objection:
             self.health.refuse(f"{COMPENSATION} refused: {objection}")
-            return
-        if not self.lock_step:
+        if objection or not self.lock_step:
             return
         self._shares[stamp] = numbers[0]
         if len(self._shares) > 3:
@@ -123,9 +122,9 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def _on_state(self, data: bytes) -> None:
         step = self._state.take(data)
-        if step is Step.REFUSED:
+        if step is REFUSED:
             return
-        if step is Step.REPEATED:
+        if step is REPEATED:
             self._repeat()
             return
         stamp, torque = self._state.stamp, self._state.torque
@@ -134,7 +133,7 @@ class Dob(AxisNode[DobNodeConfig]):
         if self.config.torque_objection(torque):
             self.health.refuse(f"joint_states refused: {self.config.torque_objection(torque)}")
             return
-        if step is Step.NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
+        if step is NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
             self._begin_anew()
         self._calibration.state(stamp, torque, self._state.speed)
         self._pending, self._torque = stamp, torque

@@ -6,7 +6,7 @@ import math
 import time
 from typing import Protocol
 
-from tcs_friction.control.stamps import SECOND, FollowRule, Step
+from tcs_friction.control.stamps import NEW_RUN, NEXT, REFUSED, REPEATED, SECOND, FollowRule, Step
 from tcs_friction.nodes.health import Health
 from tcs_friction.nodes.wire import JointWire
 
@@ -37,6 +37,7 @@ class JointInput:
         """When a state was heard last that contradicts the others, steady time: a second publisher does that."""
         self._health, self._lock_step = health, lock_step
         self._rule = FollowRule(lock_step)
+        self._judge = self._rule.judge
         self._wire = JointWire("")
         if not lock_step:
             health.expect(TOPIC)
@@ -44,6 +45,7 @@ class JointInput:
     def configure(self, joint: str, config: Settings) -> None:
         """Another joint or other limits; what was heard stays."""
         self._config = config
+        self._objection = config.state_objection
         self._rule.configure(config.age_limit, config.patience, config.largest_speed, config.period)
         if joint != self._wire.joint:
             self._wire = JointWire(joint)
@@ -53,20 +55,27 @@ class JointInput:
         stamp, position, speed, torque = self._wire.read(data)
         if speed != speed:
             speed = self._difference(stamp, position)
-        objection = self._config.state_objection(position, speed)
+        objection = self._objection(position, speed)
         if objection:
             if position == position or self._wire.is_about(data):
                 self._health.refuse(f"{TOPIC} refused: {objection}" if stamp >= 0 else f"{TOPIC} refused: not readable")
-            return Step.REFUSED
-        now = 0.0 if self._lock_step else time.monotonic()
-        step = self._rule.judge(stamp, position, now)
-        if step is Step.NEXT or step is Step.NEW_RUN:
-            self.stamp, self.position, self.speed, self.torque = stamp, position, speed, torque
-            if not self._lock_step:
-                self._health.heard(TOPIC, now, self._config.period)
-        elif step is Step.REFUSED:
+            return REFUSED
+        step = self._judge(stamp) if self._lock_step else self._judge_in_real_time(stamp, position)
+        if step is NEXT or step is NEW_RUN:
+            self.stamp = stamp
+            self.position = position
+            self.speed = speed
+            self.torque = torque
+        return step
+
+    def _judge_in_real_time(self, stamp: int, position: float) -> Step:
+        now = time.monotonic()
+        step = self._judge(stamp, position, now)
+        if step is REFUSED:
             self._refuse(self._rule.reason, now)
-        elif not self._lock_step and position != self.position:
+        elif step is not REPEATED:
+            self._health.heard(TOPIC, now, self._config.period)
+        elif position != self.position:
             self._refuse("two positions with one stamp", now)
         return step
 

@@ -14,7 +14,7 @@ from tcs_friction.control.compensator import CompensatorConfig, LugreCompensator
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.fading import Ramp
 from tcs_friction.control.plausible import Ranges, ranges
-from tcs_friction.control.stamps import FollowRule, Step
+from tcs_friction.control.stamps import NEW_RUN, NEXT, REFUSED, REPEATED, FollowRule, Step
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND, friction_of, nanoseconds
@@ -79,39 +79,43 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         if objection:
             self.health.refuse(f"reference refused: {objection}")
             return
-        now = 0.0 if self.lock_step else time.monotonic()
-        step = self._rule.judge(stamp, now=now)
-        if step is Step.REFUSED:
-            if self._rule.reason:
-                self.health.refuse(f"reference refused: {self._rule.reason}")
+        step = self._rule.judge(stamp) if self.lock_step else self._judge_in_real_time(stamp)
+        if step is REFUSED:
             return
-        if step is Step.REPEATED:
+        if step is REPEATED:
             if self.lock_step:
                 self.health.repeats += 1
                 self._publisher.publish(self._message)
             return
-        if not self.lock_step:
-            self.health.heard("reference", now, self.config.period)
-        self._message = TORQUE.write(stamp, self._torque(stamp, step, *numbers[1:]))
+        self._message = TORQUE.write(stamp, self._torque(stamp, step, numbers[1], numbers[2]))
         self._stamp = stamp
         self.health.ticks += 1
         self._publisher.publish(self._message)
 
+    def _judge_in_real_time(self, stamp: int) -> Step:
+        now = time.monotonic()
+        step = self._rule.judge(stamp, 0.0, now)
+        if step is REFUSED and self._rule.reason:
+            self.health.refuse(f"reference refused: {self._rule.reason}")
+        elif step is NEXT or step is NEW_RUN:
+            self.health.heard("reference", now, self.config.period)
+        return step
+
     def _torque(self, stamp: int, step: Step, velocity: float, acceleration: float) -> float:
         """The compensation, 0 while Switch3 is off; in real time it comes and goes over `ramp_time`."""
-        on = self.config.switch3
-        share = 1.0 if on else 0.0
+        share = 1.0 if self.config.switch3 else 0.0
         if not self.lock_step:
-            late = step is Step.NEW_RUN or stamp - self._stamp > self.config.age_limit * SECOND
-            share = self._ramp.toward(on, 0.0 if late else (stamp - self._stamp) / SECOND)
-        if step is Step.NEW_RUN or not share:
+            late = step is NEW_RUN or stamp - self._stamp > self.config.age_limit * SECOND
+            share = self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
+        if step is NEW_RUN or not share:
             self._compensator.reset()
         if not share:
             return 0.0
         torque = share * self._compensator.step(velocity, acceleration)
-        if self.config.torque_objection(torque):
+        objection = self.config.torque_objection(torque)
+        if objection:
             self._compensator.reset()
-            self.health.note(f"compensation reset: {self.config.torque_objection(torque)}")
+            self.health.note(f"compensation reset: {objection}")
             return 0.0
         return torque
 

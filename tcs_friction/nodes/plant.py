@@ -151,10 +151,10 @@ class Plant(ManagedNode[PlantConfig]):
         stamp, numbers = TORQUE.read(data)
         if not self.active or (self.lock_step and stamp != self._stamp):
             return  # in lock-step, an answer to a repeated state that had been answered already
-        torque, limit, now = numbers[0], self.config.command_limit, time.monotonic()
+        torque, limit = numbers[0], self.config.command_limit
         objection = "" if -limit <= torque <= limit else f"{torque:g} N m was refused, the limit is {limit:g}"
         if not (self.lock_step or objection):
-            objection = self._answers.objection(stamp, numbers, self._stamp, now)
+            objection = self._answers.objection(stamp, numbers, self._stamp, time.monotonic())
         if objection:
             self._refusal = f" ({objection})"
             self.health.refuse(f"{COMMAND}{self._refusal}")
@@ -164,8 +164,8 @@ class Plant(ManagedNode[PlantConfig]):
         if self.lock_step:
             self._go_on()
         else:
-            self._commanded = now
-            self.health.heard(COMMAND, now)
+            self._commanded = time.monotonic()
+            self.health.heard(COMMAND, self._commanded)
 
     def _go_on(self) -> None:
         """Lock-step: advance unless the end of the run is reached."""
@@ -173,8 +173,7 @@ class Plant(ManagedNode[PlantConfig]):
             return
         command, self._command = self._command, None
         self._advance(command)
-        self._stamp = round(self._index * self.config.period * SECOND)
-        self._publish(self._stamp)
+        self._publish(round(self._index * self.config.period * SECOND))
 
     def _on_timer(self) -> None:
         """Real time: all the periods that are over, under the torque that acted in each of them."""

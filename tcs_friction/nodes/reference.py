@@ -13,7 +13,7 @@ from tcs_friction.control import reference as core
 from tcs_friction.control.config_field import choice, switch, text
 from tcs_friction.control.joining import JoinedReference, Phase, check_programme
 from tcs_friction.control.plausible import MotionLimits, Ranges, motion_limits, ranges
-from tcs_friction.control.stamps import Step
+from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, Step
 from tcs_friction.errors import TcsError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND
@@ -135,9 +135,9 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         before = self._state.stamp
         step = self._state.take(data)
         stamp = self._state.stamp
-        if step is Step.REFUSED or (step is Step.REPEATED and not self.lock_step):
+        if step is REFUSED or (step is REPEATED and not self.lock_step):
             return
-        if step is Step.REPEATED:
+        if step is REPEATED:
             self.health.repeats += 1
         else:
             at = self._reference.at(self._lock_step_time(stamp)) if self.lock_step else self._safe(before, stamp, step)
@@ -156,7 +156,7 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
     def _safe(self, before: int, stamp: int, step: Step) -> tuple[float, float, float]:
         """Real time: the reference, begun anew where the axis is when it has lost the axis."""
         state, joined = self._state, self._joined
-        if step is Step.NEW_RUN:
+        if step is NEW_RUN:
             self._origin = stamp
             joined.begin_at(0.0, state.position, state.speed)
             if self._waiting:
