@@ -89,7 +89,7 @@ class Stress:
         self.unanswered: list[str] = []
         self.longest = 0.0
 
-    def find(self, names: tuple[str, ...], limit: float = 120.0) -> None:
+    def find(self, names: tuple[str, ...], limit: float = 200.0) -> None:
         """Wait for nodes and list their services, when no more of them turn up. Raises JobError when a node does not come."""
         deadline, since = time.monotonic() + limit, time.monotonic()
         while not self.services or time.monotonic() - since < SETTLED:

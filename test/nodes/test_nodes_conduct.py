@@ -136,7 +136,7 @@ def test_commissioning_comes_to_its_end_in_real_time(
     processes.start_graph(*arguments)
     results: list[Any] = []
     stages: list[str] = []
-    assert caller.until(ActionClient(caller.driver, *ACTION).server_is_ready, 90.0), processes.log("graph")
+    assert caller.until(ActionClient(caller.driver, *ACTION).server_is_ready, 200.0), processes.log("graph")
 
     async def commission() -> None:
         goal = CommissionAction.Goal(directory="real")
