@@ -9,6 +9,7 @@ BENCHMARKS = {
     "bag": "reading an hour of joint states, beside other readers",
     "recorder": "the recorder node at 1 kHz and five topics",
     "simulate": "the offline axis, beside scipy's solve_ivp",
+    "services": "every service of every node called while messages flow",
     "faults": "real time under faults: limits kept, every fault named, the run resumed",
     "graph": "ticks per second of the node graph, beside a bare chain of messages",
     "cost": "the identification's cost, beside NumPy",

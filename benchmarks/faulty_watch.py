@@ -23,7 +23,8 @@ class Watch:
         from std_srvs.srv import Trigger
 
         from tcs_friction.config import load_axis
-        from tcs_friction.nodes.base import DEFAULT_AXIS, config_file, control_of
+        from tcs_friction.nodes.base import control_of
+        from tcs_friction.nodes.files import DEFAULT_AXIS, config_file
         from tcs_friction.nodes.qos import COLLECT
         from tcs_friction.nodes.wire import JointWire
 

@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     names = [f"/bench/topic_{number}" for number in range(arguments.topics)]
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder, "bag")
-        words = ["--ros-args", "-p", f"bag:={bag}", "-p", f"topics:={' '.join(names)}"]
+        words = ["--ros-args", "-p", f"bag:={bag}", "-p", f"topics:=[{', '.join(names)}]"]
         recorder = subprocess.Popen([sys.executable, "-c", RECORDER, *words], stderr=subprocess.DEVNULL)
         receive, send = multiprocessing.Pipe(duplex=False)
         publisher = multiprocessing.get_context("spawn").Process(

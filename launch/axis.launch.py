@@ -1,4 +1,7 @@
-"""The graph of one axis: ros2 launch tcs_friction axis.launch.py axis:=FILE reference:=FILE clock:=real_time plant:=false"""
+"""The graph of one axis: ros2 launch tcs_friction axis.launch.py axis:=FILE reference:=FILE clock:=real_time plant:=false
+
+`ros2 launch tcs_friction axis.launch.py --show-args` lists all arguments.
+"""
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
@@ -6,21 +9,32 @@ from launch_ros.actions import Node
 
 from launch import LaunchContext, LaunchDescription
 from tcs_friction.control.reference import load_reference
-from tcs_friction.nodes.base import config_file
+from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME
+from tcs_friction.nodes.files import config_file
 
 NODES = ("plant", "reference", "dob", "lugre_compensator", "controller", "identifier", "diagnoser", "commission")
-ARGUMENTS = {
-    "namespace": ("azimuth", "namespace of the axis"),
-    "axis": ("azimuth_1p2m.yaml", "axis file, a path or a name in the package's config folder"),
-    "reference": ("azimuth_1p2m_run.yaml", "reference file, a path or a name in the package's config folder"),
-    "clock": ("lock_step", "lock_step or real_time"),
-    "plant": ("true", "false: a driver takes the place of the simulated plant"),
+RESULTS = ("identifier", "diagnoser", "commission")
+SWITCH = ("true", "false")
+ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "namespace": ("azimuth", "namespace of the axis", ()),
+    "axis": ("azimuth_1p2m.yaml", "axis file, a path or a name in the package's config folder", ()),
+    "reference": ("azimuth_1p2m_run.yaml", "reference file, a path or a name in the package's config folder", ()),
+    "measure_file": ("azimuth_1p2m_measure.yaml", "reference on which commissioning measures friction, likewise", ()),
+    "results": ("results", "directory that results of services and actions go below", ()),
+    "clock": (LOCK_STEP, "lock-step simulation, or real time", (LOCK_STEP, REAL_TIME)),
+    "plant": ("true", "false: a driver takes the place of the simulated plant", SWITCH),
+    "use_sim_time": ("false", "time comes from /clock", SWITCH),
+    "log_level": ("info", "what the nodes say", ("debug", "info", "warn", "error", "fatal")),
+    "params_file": ("", "YAML file of parameters; what it says wins over the arguments", ()),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
     """One process for each node."""
-    declared = [DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()]
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text, choices=list(choices) or None)
+        for name, (value, text, choices) in ARGUMENTS.items()
+    ]
     return LaunchDescription([*declared, OpaqueFunction(function=nodes)])
 
 
@@ -28,18 +42,27 @@ def nodes(context: LaunchContext) -> list[Node]:
     """The nodes for the arguments given; the simulated axis starts where the reference does."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     simulated = given["plant"] == "true"
+    common = {"axis": given["axis"], "clock": given["clock"], "use_sim_time": given["use_sim_time"] == "true"}
     own = {
         "plant": {"start_position": load_reference(config_file(given["reference"])).at(0.0)[0]},
         "reference": {"reference_file": given["reference"]},
-        "commission": {"reference_file": given["reference"], "simulated": simulated},
+        "commission": {
+            "reference_file": given["reference"],
+            "measure_file": given["measure_file"],
+            "simulated": simulated,
+        },
     }
+    for name in RESULTS:
+        own.setdefault(name, {})["results"] = given["results"]
+    file = [given["params_file"]] if given["params_file"] else []
     return [
         Node(
             package="tcs_friction",
             executable=name,
             name=name,
             namespace=given["namespace"],
-            parameters=[{"axis": given["axis"], "clock": given["clock"]} | own.get(name, {})],
+            parameters=[common | own.get(name, {}), *file],
+            ros_arguments=["--log-level", given["log_level"]],
             output="screen",
         )
         for name in NODES

@@ -1,6 +1,7 @@
 """Run the whole graph of an axis until it is interrupted: all nodes on one executor, or one process each.
 
 What follows --ros-args goes to every node, for example: ./tcs graph --ros-args -p clock:=real_time
+Nodes on other machines find it only where the environment says so, for example by ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import argparse
 import sys
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.entry import end_at_once
+from tcs_friction.nodes.entry import announce_compiling, end_at_once, stay_local
 
 TAKES_ROS_ARGUMENTS = True
 
@@ -26,6 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the graph."""
     end_at_once()
+    stay_local()
+    announce_compiling()
     try:
         from tcs_friction.nodes import graph
     except ModuleNotFoundError as error:

@@ -1,6 +1,7 @@
 """Run one node until it is interrupted; what `ros2 run tcs_friction NAME` does.
 
 What follows --ros-args goes to ROS, for example: ./tcs node plant --ros-args -p axis:=my_axis.yaml -r __ns:=/elevation
+Nodes on other machines find it only where the environment says so, for example by ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import argparse
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.entry import start
+from tcs_friction.nodes.entry import start, stay_local
 
 TAKES_ROS_ARGUMENTS = True
 
@@ -20,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the node."""
+    stay_local()
     try:
         return start(arguments.name, arguments.ros_arguments)
     except ModuleNotFoundError as error:

@@ -47,6 +47,12 @@ class LugreParameters:
     damping: float = setting(3.4e4, "N m s/rad", 0.0, 1e15, "bristle damping, sigma1")
     viscous: float = setting(572.0, "N m s/rad", 0.0, 1e12, "viscous coefficient, sigma2")
 
+    def conflict(self) -> list[str]:
+        """Values that do not go together: the Stribeck curve falls from static to coulomb."""
+        if self.static < self.coulomb:
+            return [f"static is {self.static:g}, expected coulomb ({self.coulomb:g} N m) or more"]
+        return []
+
     def validate(self, where: str = "lugre") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
         validate(self, where)

@@ -23,18 +23,25 @@ _KEY = "setting"
 
 @dataclass(frozen=True)
 class Setting:
-    """What is declared of one field. `lower` and `upper` are inclusive; a `choice` has `options` instead."""
+    """What is declared of one field. `lower` and `upper` are inclusive; a `choice` has `options` instead.
+
+    What is `fixed` holds from the start of a node to its end.
+    """
 
     name: str
-    default: float | int | bool | str
+    default: float | int | bool | str | tuple[str, ...]
     unit: str
     lower: float | None
     upper: float | None
     description: str
     options: tuple[str, ...] = ()
+    fixed: bool = False
 
     def problem(self, value: object) -> tuple[str, str] | None:
         """What is wrong with a value and what was expected, or None when it may be used."""
+        if isinstance(self.default, tuple):
+            good = isinstance(value, tuple) and all(isinstance(item, str) for item in value)
+            return None if good else (repr(value), "a list of texts")
         if isinstance(self.default, str) and not self.options:
             return None if isinstance(value, str) else (repr(value), "a text")
         if isinstance(self.default, str):
@@ -74,9 +81,14 @@ def choice(default: str, options: Sequence[str], description: str) -> Any:
     return field(default=default, metadata={_KEY: ("", None, None, description, tuple(options))})
 
 
-def text(default: str, description: str) -> Any:
+def text(default: str, description: str, fixed: bool = False) -> Any:
     """A setting that is any text, such as the path of a file."""
-    return field(default=default, metadata={_KEY: ("", None, None, description, ())})
+    return field(default=default, metadata={_KEY: ("", None, None, description, (), fixed)})
+
+
+def texts(description: str) -> Any:
+    """A setting that is a list of texts, none by default."""
+    return field(default=(), metadata={_KEY: ("", None, None, description, ())})
 
 
 def settings(config: type[Any] | Any) -> tuple[Setting, ...]:
@@ -86,8 +98,7 @@ def settings(config: type[Any] | Any) -> tuple[Setting, ...]:
 
 def _setting_of(entry: Field[Any]) -> Setting:
     assert entry.default is not MISSING
-    unit, lower, upper, description, options = entry.metadata[_KEY]
-    return Setting(entry.name, entry.default, unit, lower, upper, description, options)
+    return Setting(entry.name, entry.default, *entry.metadata[_KEY])
 
 
 def parts(config: type[Any] | Any) -> dict[str, type[Any]]:
@@ -100,7 +111,10 @@ def parts(config: type[Any] | Any) -> dict[str, type[Any]]:
 
 
 def validate(config: Any, where: str) -> None:
-    """Refuse a configuration with any bad value, nested ones included; InputError names every one of them."""
+    """Refuse a configuration with any bad value, nested ones included; InputError names every one of them.
+
+    A configuration whose values may be good one by one and yet not together has a method `conflict` that lists what is wrong.
+    """
     found = _problems(config, "")
     if found:
         raise InputError(where, "; ".join(found))
@@ -112,6 +126,8 @@ def _problems(config: Any, prefix: str) -> list[str]:
         problem = declared.problem(getattr(config, declared.name))
         if problem is not None:
             found.append(f"{prefix}{declared.name} is {problem[0]}, expected {problem[1]}")
+    if not found and hasattr(config, "conflict"):
+        found += [prefix + problem for problem in config.conflict()]
     for name in parts(config):
         found += _problems(getattr(config, name), f"{prefix}{name}.")
     return found

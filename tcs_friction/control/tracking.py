@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from tcs_friction.errors import InputError
 
@@ -13,6 +15,8 @@ Array = NDArray[np.float64]
 
 ARCSEC = np.pi / 648000.0
 """One arcsecond in rad."""
+TINY = 1e-300
+"""Instead of an error of exactly 0, so that its logarithm exists."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,49 @@ def reversals(t: Array, reference_velocity: Array) -> Array:
     signs = np.sign(reference_velocity[moving])
     at = np.flatnonzero(signs[1:] != signs[:-1]) + 1
     return np.column_stack([t[moving[at]], signs[at]])
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What became of the tracking error from one run to another of the same reference.
+
+    ratio: RMS error after over before, the geometric mean over the reversals. lowest, highest: its 90 % interval, from the
+    scatter between the reversals; infinitely wide where there are fewer than two.
+    """
+
+    ratio: float
+    lowest: float
+    highest: float
+
+    @property
+    def proven(self) -> bool:
+        """The error has become smaller, with a probability of 95 %."""
+        return self.highest < 1.0
+
+
+def improvement(before: Array, after: Array) -> Improvement:
+    """From the RMS errors around each reversal, (k,), of two runs of the same reference.
+
+    Reversals are compared one by one, since each is different, and by ratios, since those are alike.
+    """
+    count = min(len(before), len(after))
+    if count < 2:
+        return Improvement(float("nan"), 0.0, float("inf"))
+    shares = np.log(np.maximum(after[:count], TINY) / np.maximum(before[:count], TINY))
+    mean, spread = float(shares.mean()), float(shares.std(ddof=1)) / np.sqrt(count)
+    reach = float(student.ppf(0.95, count - 1)) * spread
+    with np.errstate(over="ignore"):
+        return Improvement(float(np.exp(mean)), float(np.exp(mean - reach)), float(np.exp(mean + reach)))
+
+
+def errors_by_reversal(t: Array, reference_velocity: Array, error: Array, settle: float = 0.0) -> Array:
+    """RMS error around each reversal after the first `settle` seconds, half-way to the reversals beside it; (k,)."""
+    crossings = reversals(t, reference_velocity)[:, 0]
+    crossings = crossings[crossings > t[0] + settle]
+    middles = 0.5 * (crossings[1:] + crossings[:-1])
+    limits = np.concatenate([[t[0] + settle], middles, [np.inf]])
+    parts = [error[(t >= begin) & (t < end)] for begin, end in itertools.pairwise(limits)]
+    return np.array([np.sqrt(np.mean(part**2)) for part in parts[: len(crossings)]])
 
 
 def tracking_errors(t: Array, reference_velocity: Array, error: Array, settle: float = 0.0) -> TrackingErrors:

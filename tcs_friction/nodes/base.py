@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import contextlib
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 
-from tcs_friction.config import AxisFile, Control, default_control, load_axis
+from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
 from tcs_friction.errors import InputError, TcsError
 from tcs_friction.nodes import parameters
+from tcs_friction.nodes.driver import DriverWatch
+from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.health import Health, Judgement
 from tcs_friction.nodes.steady import steady_timer
 
-DEFAULT_AXIS = "azimuth_1p2m.yaml"
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+LOGGED_STATES = ("phase", "life cycle")
+"""Values of /diagnostics whose changes are in the log."""
 WARN_EVERY = 10.0
 """s between two lines of warnings in the log; /diagnostics has all of them."""
 
@@ -51,20 +54,6 @@ RIVALS_REMEMBERED = 1.0
 C = TypeVar("C", bound=ClockConfig)
 
 
-def config_file(name: str) -> Path:
-    """An existing file as named, or the one of that name in the config folder of the checkout or of the installed package."""
-    if Path(name).is_file():
-        return Path(name)
-    folders = [Path(__file__).resolve().parents[2] / "config"]
-    with contextlib.suppress(PackageNotFoundError):
-        folders.append(Path(get_package_share_directory("tcs_friction")) / "config")
-    for folder in folders:
-        if (folder / name).is_file():
-            return folder / name
-    known = sorted({path.name for folder in folders for path in folder.glob("*.yaml")})
-    raise InputError(name, "no such file", f"a path, or one of {', '.join(known)}")
-
-
 def control_of(file: AxisFile) -> Control:
     """How an axis file says to control its axis, or a cautious way where it does not say."""
     return file.control or default_control(file.axis)
@@ -87,9 +76,11 @@ class AxisNode(Node, Generic[C]):
         self._defaults = defaults
         described = ParameterDescriptor(description="axis file, a path or a name in the package's config folder")
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)
-        self.file = load_axis(config_file(path))
+        self.file = axis_file(path)
         self.health = Health()
         self._reported = ""
+        self._said: dict[str, str] = {}
+        self._warned, self._warned_at = "", -WARN_EVERY
         self._watched: dict[str, Callable[[], float]] = {}
         self.rivals: set[str] = set()
         """Topics on which two publishers contradict each other."""
@@ -121,6 +112,16 @@ class AxisNode(Node, Generic[C]):
     def missing(self) -> str:
         """What keeps the node from answering its last input, "" for nothing. For subclasses; asked while no tick comes."""
         return ""
+
+    def waits(self) -> str:
+        """What the node stands still for on purpose, "" for nothing. For subclasses; asked while no tick comes."""
+        return ""
+
+    _driver: DriverWatch | None = None
+
+    def hear_driver(self, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
+        """Subscribe to joint_states, serialised, in whatever quality a driver publishes them."""
+        self._driver = DriverWatch(self, callback, profile)
 
     # Rivals, in real time
 
@@ -169,7 +170,7 @@ class AxisNode(Node, Generic[C]):
     def _file_after(self, changes: Sequence[Parameter]) -> AxisFile:
         for item in changes:
             if item.name == "axis":
-                return load_axis(config_file(str(item.value)))
+                return axis_file(str(item.value))
         return self.file
 
     changing: frozenset[str] = frozenset()
@@ -179,20 +180,34 @@ class AxisNode(Node, Generic[C]):
         file = self._file_after(changes)
         if file is not self.file:  # another axis brings its own values for everything not named beside it
             self.file = file
-            wanted = parameters.with_parameters(self._defaults(file), changes, self.get_name())
+            base = parameters.keep_fixed(self._defaults(file), self.config)
+            wanted = parameters.with_parameters(base, changes, self.get_name())
             self.set_parameters_atomically(parameters.as_parameters(wanted))
             return
         self.changing = frozenset(item.name for item in changes)
+        self._log_switches(changes)
         self.configure(parameters.with_parameters(self.config, changes, self.get_name()))
 
+    def _log_switches(self, changes: Sequence[Parameter]) -> None:
+        for item in changes:
+            if isinstance(item.value, bool) and item.value != getattr(self.config, item.name, item.value):
+                self.get_logger().info(f"{item.name} {'on' if item.value else 'off'}")
+
     # Diagnostics
+
+    @property
+    def introduction(self) -> str:
+        """What the log says when the node is ready."""
+        return f"ready: axis {self.file.axis.name}, {self.config.clock.replace('_', '-')}, period {self.config.period:g} s"
 
     def _report(self) -> None:
         now = time.monotonic()
         self._watch(now)
         level, problem, warning = self.health.level(), self.health.problem, self.health.warning
-        message = "; ".join(filter(None, (problem, warning))) or self.config.clock.replace("_", "-")
-        status = DiagnosticStatus(level=bytes([level]), name=self.get_fully_qualified_name(), message=message, hardware_id="")
+        well = f"waiting: {self._waits}" if self._waits else self.config.clock.replace("_", "-")
+        message = "; ".join(filter(None, (problem, warning))) or well
+        status = DiagnosticStatus(level=bytes([level]), name=self.get_fully_qualified_name(), message=message)
+        status.hardware_id = self.file.axis.name
         status.values = [KeyValue(key=key, value=value) for key, value in self.health.report(now).items()]
         report = DiagnosticArray(status=[status])
         report.header.stamp = self.get_clock().now().to_msg()
@@ -200,9 +215,13 @@ class AxisNode(Node, Generic[C]):
         self._log(problem, warning)
 
     def _log(self, problem: str, warning: str) -> None:
-        """A problem once when it comes and once when it goes; warnings throttled."""
-        if warning:
-            self.get_logger().warning(warning, throttle_duration_sec=WARN_EVERY)
+        """A problem once when it comes and once when it goes, a change of state once; a warning when it comes, throttled."""
+        for state in LOGGED_STATES:
+            value = self.health.values.get(state, "")
+            if value != self._said.get(state, ""):
+                self.get_logger().info(f"{state}: {value}")
+                self._said[state] = value
+        self._log_warning(warning)
         if bool(problem) == bool(self._reported):
             return
         if problem:
@@ -211,18 +230,29 @@ class AxisNode(Node, Generic[C]):
             self.get_logger().info("all is well again")
         self._reported = problem
 
+    def _log_warning(self, warning: str) -> None:
+        """A warning when it comes; it is no other one because its numbers have changed."""
+        now, words = time.monotonic(), _NUMBER.sub("", warning)
+        if not words:
+            self._warned = ""
+        elif words != self._warned and now - self._warned_at >= WARN_EVERY:
+            self.get_logger().warning(warning)
+            self._warned, self._warned_at = words, now
+
     _last_progress: tuple[int, float] = (-1, 0.0)
 
     def _watch(self, now: float) -> None:
         """Notice that nothing goes on although something is awaited, and in real time what comes late."""
         self._judge(now)
+        self._judge_driver()
         ticks, since = self._last_progress
         if self.health.ticks != ticks:
             self._last_progress = (self.health.ticks, now)
             self.health.last_tick = now
             self.health.well("missing", "idle")
+            self._waits = ""
             return
-        if now - since < self.config.time_limit:
+        if self._waiting_on_purpose() or now - since < self.config.time_limit:
             return
         awaited = self.missing() if self.lock_step else ""
         if awaited:
@@ -232,6 +262,33 @@ class AxisNode(Node, Generic[C]):
         self.health.well("missing")
         if self.hears and self.hears not in self.health.inputs:
             self.health.doubt("idle", f"idle: no {self.hears} for {now - since:.0f} s")
+
+    _waits = ""
+
+    def _waiting_on_purpose(self) -> bool:
+        """Whether the node stands still because it is told to; said once in the log, and in every report."""
+        waits = self.waits()
+        if waits and waits != self._waits:
+            self.get_logger().info(f"waiting: {waits}")
+        self._waits = waits
+        if waits:
+            self.health.well("missing", "idle")
+        return bool(waits)
+
+    def _judge_driver(self) -> None:
+        """Say what the driver's messages lack: once in the log what is made up for, as a warning what makes them useless."""
+        if self._driver is None:
+            return
+        found = self._driver.judge(self.file.axis.name)
+        if found.useless:
+            self.health.doubt("driver", found.useless)
+        else:
+            self.health.well("driver")
+        served = "; ".join(found.served)
+        if served and served != self.health.values.get("driver"):
+            self.get_logger().info(f"joint_states: {served}")
+        if served or "driver" in self.health.values:
+            self.health.values["driver"] = served or "complete"
 
     def _judge(self, now: float) -> None:
         config = self.config

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tcs_friction.control.observer_settings import ObserverSettings
-from tcs_friction.errors import JobError
+from tcs_friction.errors import JobError, TcsError
 from tcs_friction.identify.dob_calibration import Calibration, Comparison, calibrate
 from tcs_friction.nodes.series import Series
+
+LEAST_ACCURACY = 0.9
+"""Of observer against dynamometer, in uniform motion and over everything: the paper reaches 0.97. Below, the two do not measure
+the same torque, or the stamps are not the time at which it acted."""
+LARGEST_GAP = 10.0
+"""Periods between two states that are bridged. Over more the observer would be told of a motion that nobody has seen."""
+SHORTEST = 3.0
+"""s between two pauses that are worth comparing: the observer settles for one of them."""
+RATE_TOLERANCE = 0.05
+"""Share by which the states' usual distance may differ from the observer's period: it takes one for the other at every tick."""
 
 
 class CalibrationMemory:
@@ -33,8 +45,11 @@ class CalibrationMemory:
         """What the dynamometer shows."""
         self._readings.append(stamp, torque)
 
-    def calibrate(self, observer: ObserverSettings) -> Calibration:
-        """Raises JobError when there is nothing to calibrate with, InputError when that does not do."""
+    def comparisons(self) -> list[Comparison]:
+        """What was heard, between its pauses. Copied, so that callbacks may go on to append while it is worked on.
+
+        Raises JobError when there is nothing to calibrate with.
+        """
         if not len(self._readings):
             raise JobError("calibration", "no reading of a dynamometer heard", "node dynamometer to run")
         t, torque, speed = self._states.arrays()
@@ -42,7 +57,35 @@ class CalibrationMemory:
         keep = (t >= known[0]) & (t <= known[-1])
         if np.count_nonzero(keep) < 2:
             raise JobError("calibration", "no joint state heard beside the dynamometer", "stamps of the same clock")
-        t = t[keep]
-        grid = t[0] + self._period * np.arange(round((t[-1] - t[0]) / self._period) + 1)
-        columns = (np.interp(grid, t, torque[keep]), np.interp(grid, t, speed[keep]), np.interp(grid, known, readings))
-        return calibrate([Comparison(grid, *columns, "calibration")], observer)
+        t, torque, speed = t[keep], torque[keep], speed[keep]
+        usual = float(np.median(np.diff(t)))
+        if abs(usual / self._period - 1.0) > RATE_TOLERANCE:
+            raise JobError("calibration", f"joint_states came every {usual:.4g} s", f"the observer's period, {self._period:g} s")
+        pauses = np.flatnonzero(np.diff(t) > LARGEST_GAP * self._period) + 1
+        found = []
+        for part in np.split(np.arange(len(t)), pauses):
+            if t[part[-1]] - t[part[0]] < SHORTEST:
+                continue
+            grid = np.arange(t[part[0]], t[part[-1]], self._period)
+            columns = (torque[part], speed[part])
+            own = [np.interp(grid, t[part], column) for column in columns]
+            found.append(Comparison(grid, own[0], own[1], np.interp(grid, known, readings), "calibration"))
+        if not found:
+            raise JobError("calibration", f"{len(t)} joint states, none of them", f"{SHORTEST:g} s of them without a pause")
+        return found
+
+
+def calibrated(comparisons: Sequence[Comparison], observer: ObserverSettings) -> Calibration:
+    """The observer calibrated. Raises JobError when the data does not do, or when observer and dynamometer still do not agree."""
+    try:
+        found = calibrate(comparisons, observer)
+    except TcsError as error:
+        raise JobError(error.where, f"{error.found}; nothing was changed", error.expected) from None
+    shares = f"{100.0 * found.accuracy_uniform:.2f} % in uniform motion, {100.0 * found.accuracy:.2f} % over everything"
+    if not min(found.accuracy_uniform, found.accuracy) >= LEAST_ACCURACY:
+        words = f"observer and dynamometer agree to {shares} at best; nothing was changed"
+        raise JobError("calibration", words, f"at least {100.0 * LEAST_ACCURACY:g} %")
+    if found.accuracy < found.accuracy_before:
+        before = f"{100.0 * found.accuracy_before:.2f} % over everything before"
+        raise JobError("calibration", f"{shares} is no better than {before}; nothing was changed")
+    return found

@@ -8,7 +8,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
@@ -70,7 +69,7 @@ class Controller(ManagedNode[ControllerConfig]):
         self._faded = {name: FadingInput(config.age_limit, config.ramp_time) for name in (COMPENSATION, OBSERVER)}
         self._ramp = Ramp(config.ramp_time)
         self.start()
-        self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.hear_driver(self._on_state, LISTEN)
         self.create_subscription(AxisReference, "reference", self._on_reference, LISTEN, raw=True)
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
         self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, LISTEN, raw=True)

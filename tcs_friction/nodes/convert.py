@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -50,3 +51,12 @@ def fill_direction(target: LugreDirection, values: dict[str, float], deviations:
 def direction(message: LugreDirection) -> Direction:
     """One direction's parameters from a message."""
     return Direction(**{name: getattr(message, NAMES.get(name, name)) for name in Direction.__dataclass_fields__})
+
+
+def friction_of(message: LugreParameters) -> dict[str, float]:
+    """Both directions' parameters by the names that the compensator's node gives them."""
+    return {
+        f"{side}.{name}": value
+        for side in ("positive", "negative")
+        for name, value in asdict(direction(getattr(message, side))).items()
+    }

@@ -17,6 +17,7 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction.errors import JobError
 from tcs_friction.nodes import graph
 from tcs_friction.nodes.commission import Commission
+from tcs_friction.nodes.entry import stay_local
 from tcs_friction.nodes.executor import close, make_executor, spin
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.report.commission import CommissionResult
@@ -27,7 +28,7 @@ NODES = (*graph.LOOP, "identifier")
 
 def own_domain() -> int:
     """A ROS domain that no other graph is likely to be on, on this machine only, unless the user has chosen one."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_local()
     return int(os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100)))
 
 
@@ -47,8 +48,10 @@ def commission(
     """
     own_domain()
     tell(0.0, "starting the graph (a minute the first time: kernels are compiled)")
+    directory = directory.resolve()
+    results = ["-p", f"results:={directory.parent}"]
     quiet = ["--log-level", "warn"]
-    arguments = graph.arguments_for(axis, reference, ["-p", "run_until:=0.0", "-p", f"seed:={seed}", *quiet])
+    arguments = graph.arguments_for(axis, reference, [*results, "-p", "run_until:=0.0", "-p", f"seed:={seed}", *quiet])
     children = graph.start_processes(arguments, NODES) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):
@@ -105,7 +108,7 @@ async def _action(
     client = ActionClient(node, CommissionAction, "commission/commission")
     await waiter.until(client.server_is_ready, 10.0)
     sent = client.send_goal_async(
-        CommissionAction.Goal(directory=str(directory)),
+        CommissionAction.Goal(directory=directory.name),
         feedback_callback=lambda message: tell(message.feedback.progress, message.feedback.stage),
     )
     await waiter.until(sent.done, 10.0)

@@ -4,29 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Diagnose as DiagnoseAction
 from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 
-from tcs_friction.config import AxisFile, load_axis
+from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting
+from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import JobError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import axis_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
-from tcs_friction.nodes.live import LiveRecording
+from tcs_friction.nodes.live import LiveRecording, recordings
+from tcs_friction.nodes.peers import ResultsConfig, new_results
 from tcs_friction.nodes.qos import COLLECT
-from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.diagnosis_files import write_diagnosis
 
 
 @dataclass(frozen=True)
-class DiagnoserConfig(ClockConfig):
+class DiagnoserConfig(ResultsConfig, ClockConfig):
     """How much is remembered."""
 
     memory: float = setting(600.0, "s", 1.0, 1e5, "joint states older than this are forgotten")
@@ -42,11 +43,11 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
 
     def __init__(self) -> None:
         super().__init__("diagnoser", defaults)
-        self._live = LiveRecording()
+        self._live = LiveRecording(CommandedTorque(self))
         self.start()
         self._waiter = Waiter(self)
-        self._jobs = Jobs(self, self._waiter, "diagnose", DiagnoseAction, self._diagnose, DiagnoseService)
-        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
+        self._jobs = Jobs(self, self._waiter, "diagnose", self._diagnose, DiagnoseAction, DiagnoseService)
+        self.hear_driver(self._on_state, COLLECT)
 
     def configure(self, config: DiagnoserConfig) -> None:
         super().configure(config)
@@ -57,25 +58,26 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
             self.health.ticks += 1
 
     async def _diagnose(self, request: Any, answer: Any, progress: Progress) -> str:
-        file = load_axis(config_file(request.axis)) if request.axis else self.file
-        recordings = self._recordings(request, file)
-
-        def tell(share: float, stage: str) -> None:
-            if progress.cancelled.is_set():
-                raise JobError("diagnosis", "was cancelled")
-            progress.tell(progress=float(share), stage=stage)
-
-        found = await self._waiter.in_thread(lambda: diagnose(recordings, file, progress=tell))
-        if request.directory:
-            await self._waiter.in_thread(lambda: write_diagnosis(Path(request.directory), found))
+        with new_results(self.config.results, request.directory) as directory:
+            file = await self._waiter.in_thread(lambda: axis_file(request.axis)) if request.axis else self.file
+            live = None if request.bags else (self._live.recording(),)
+            found = await self._waiter.in_thread(lambda: diagnosed(request, live, file, progress))
+            if directory is not None:
+                await self._waiter.in_thread(lambda: write_diagnosis(directory, found))
         answer.verdict, answer.statement = found.verdict, found.statement
         answer.effects = [item.effect for item in found.effects]
         return found.statement
 
-    def _recordings(self, request: Any, file: AxisFile) -> tuple[Recording, ...]:
-        if request.bags:
-            return read_recordings([Path(name) for name in request.bags], file.mapped(request.axis or "axis file"))
-        return (self._live.recording(),)
+
+def diagnosed(request: Any, live: Sequence[Recording] | None, file: AxisFile, progress: Progress) -> Diagnosis:
+    """The diagnosis asked for, of bags or of what was heard. Runs in a thread of its own."""
+
+    def tell(share: float, stage: str) -> None:
+        if progress.cancelled.is_set():
+            raise JobError("diagnosis", "was cancelled")
+        progress.tell(progress=float(share), stage=stage)
+
+    return diagnose(tuple(live or recordings(request, file)), file, progress=tell)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
@@ -20,13 +19,14 @@ from tcs_friction.control.observer import FrictionObserver
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.plausible import Ranges, ranges
 from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, AnswerRule
-from tcs_friction.errors import TcsError
+from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.calibration import CalibrationMemory
+from tcs_friction.nodes.calibration import CalibrationMemory, calibrated
 from tcs_friction.nodes.convert import SECOND, nanoseconds
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
-from tcs_friction.nodes.jobs import Waiter, create_deferred_service
+from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE
@@ -64,13 +64,14 @@ class Dob(AxisNode[DobNodeConfig]):
         self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
         self._answers = AnswerRule(self.config.age_limit)
         self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
+        self._commanded = CommandedTorque(self)
         self._calibration = CalibrationMemory()
         self._waiter = Waiter(self)
         self.start()
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
-        self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.hear_driver(self._on_state, LISTEN)
         self.create_subscription(WrenchStamped, "dynamometer", self._on_dynamometer, COLLECT)
-        create_deferred_service(self, Trigger, "~/calibrate", self._on_calibrate)
+        self._jobs = Jobs(self, self._waiter, "calibrate", self._calibrate, service=Trigger)
 
     def check(self, config: DobNodeConfig, file: AxisFile) -> None:  # noqa: ARG002
         config.design(config.period)
@@ -126,11 +127,12 @@ class Dob(AxisNode[DobNodeConfig]):
         if step is REPEATED:
             self._repeat()
             return
-        torque = self._state.torque
+        stamp, torque = self._state.stamp, self._state.torque
+        if math.isnan(torque):  # a driver that gives none
+            torque = self._commanded.until(stamp)
         if self.config.torque_objection(torque):
             self.health.refuse(f"joint_states refused: {self.config.torque_objection(torque)}")
             return
-        stamp = self._state.stamp
         if step is NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
             self._begin_anew()
         self._calibration.state(stamp, torque, self._state.speed)
@@ -161,13 +163,10 @@ class Dob(AxisNode[DobNodeConfig]):
         if math.isfinite(torque):
             self._calibration.reading(nanoseconds(message.header.stamp), torque)
 
-    async def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _calibrate(self, _: Trigger.Request, __: Trigger.Response, ___: Progress) -> str:
         """From what has been heard since the first reading; the parameters found are used at once."""
-        try:
-            found = await self._waiter.in_thread(lambda: self._calibration.calibrate(self.config))
-        except TcsError as error:
-            response.success, response.message = False, str(error)
-            return response
+        heard, config = self._calibration.comparisons(), self.config
+        found = await self._waiter.in_thread(lambda: calibrated(heard, config))
         settings = found.observer
         values = {
             "torque_scale": settings.torque_scale,
@@ -175,10 +174,10 @@ class Dob(AxisNode[DobNodeConfig]):
             "plant.first": settings.plant.first,
         }
         answer = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        if not answer.successful:
+            raise JobError("calibration", answer.reason)
         accuracy = f"{100 * found.accuracy_uniform:.2f} % in uniform motion, {100 * found.accuracy:.2f} % over everything"
-        words = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
-        response.success, response.message = answer.successful, answer.reason or f"{words}; {accuracy}"
-        return response
+        return f"{', '.join(f'{name} {value:.6g}' for name, value in values.items())}; {accuracy}"
 
     def _estimate(self, give_up: bool = False) -> None:
         """Publish the estimate for the pending state once the compensator's share of its torque is known."""

@@ -7,9 +7,35 @@ makes of it, it can get lost in a destructor, and the node would run on.
 from __future__ import annotations
 
 import functools
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
+
+DISCOVERY = (
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "ROS_LOCALHOST_ONLY",
+    "ROS_STATIC_PEERS",
+    "ROS_DISCOVERY_SERVER",
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "CYCLONEDDS_URI",
+)
+"""Variables by which users say who may find their nodes."""
+
+
+def stay_local() -> None:
+    """Nodes are found on this machine only, unless the environment says who may find them."""
+    if not any(os.environ.get(name) for name in DISCOVERY):
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
+def announce_compiling() -> None:
+    """Say that the start takes long where nothing is in the cache of compiled kernels yet."""
+    cache = os.environ.get("NUMBA_CACHE_DIR")
+    if cache and not any(Path(cache).rglob("*.nbi")):
+        print("tcs-friction: first start of this version: compiling takes up to a minute, once", file=sys.stderr, flush=True)
 
 
 def end_at_once() -> None:
@@ -20,6 +46,7 @@ def end_at_once() -> None:
 def start(name: str, arguments: Sequence[str] | None = None) -> int:
     """Run one node until a signal; `arguments` as on a command line. Raises InputError for a name that is no node's."""
     end_at_once()
+    announce_compiling()
     from tcs_friction.nodes.graph import run_node
 
     return run_node(name, sys.argv[1:] if arguments is None else arguments)

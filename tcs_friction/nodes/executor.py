@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from tcs_friction.errors import TcsError
+from tcs_friction.nodes.peers import ContentError
 
 
 def make_executor() -> Any:
@@ -69,11 +70,14 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
         for factory in factories:
             nodes.append(factory())
             executor.add_node(nodes[-1])
+            if words := getattr(nodes[-1], "introduction", ""):
+                nodes[-1].get_logger().info(words)
         gc.collect()
         gc.freeze()  # a collection of everything imported would take several control periods
         spin(executor, stop)
     except TcsError as error:
-        print(f"tcs-friction: {error}", file=sys.stderr)
+        shown = error.quoting if isinstance(error, ContentError) else error
+        print(f"tcs-friction: {shown}", file=sys.stderr)
         return error.exit_status
     finally:
         close(executor, nodes)

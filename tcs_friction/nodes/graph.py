@@ -18,8 +18,8 @@ from rclpy.node import Node
 
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError, JobError, nearest
-from tcs_friction.nodes.base import DEFAULT_AXIS, config_file
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import DEFAULT_AXIS, config_file
 from tcs_friction.physics.registry import effects
 
 CLASSES = {

@@ -13,31 +13,35 @@ from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import FrictionEstimate, LugreParameters
 from tcs_friction_msgs.srv import Identify as IdentifyService
 
-from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
+from tcs_friction.config import AxisFile, save_axis, write_whole
 from tcs_friction.control.config_field import choice, setting, switch
 from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.identification import METHODS, identified_axis, identify
 from tcs_friction.identify.motion import Data, FrictionSeries
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
-from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import fill_direction, set_stamp
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import axis_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
-from tcs_friction.nodes.live import LiveRecording
+from tcs_friction.nodes.live import LiveRecording, recordings
+from tcs_friction.nodes.peers import ResultsConfig, new_results
 from tcs_friction.nodes.qos import COLLECT, LATCHED
 from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.wire import ESTIMATE
-from tcs_friction.recording.bags import read_recordings
+
+Live = tuple[list[Data], str]
+"""What was heard, and what to call it."""
 
 
 @dataclass(frozen=True)
-class IdentifierConfig(ClockConfig):
+class IdentifierConfig(ResultsConfig, ClockConfig):
     """How to identify, and Switch2 of the paper."""
 
     switch2: bool = switch(False, "Switch2: the observer's estimates are kept for identification")
@@ -62,13 +66,13 @@ class Identifier(AxisNode[IdentifierConfig]):
     def __init__(self) -> None:
         super().__init__("identifier", defaults)
         self._series = Series(2)  # velocity, torque
-        self._live = LiveRecording()
+        self._live = LiveRecording(CommandedTorque(self))
         self._publisher = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self.start()
         self._waiter = Waiter(self)
-        self._jobs = Jobs(self, self._waiter, "identify", IdentifyAction, self._identify, IdentifyService)
+        self._jobs = Jobs(self, self._waiter, "identify", self._identify, IdentifyAction, IdentifyService)
         self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, COLLECT, raw=True)
-        self.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
+        self.hear_driver(self._on_state, COLLECT)
 
     def configure(self, config: IdentifierConfig) -> None:
         if config.switch2 and not self.config.switch2:
@@ -87,39 +91,23 @@ class Identifier(AxisNode[IdentifierConfig]):
             self.health.ticks += 1
 
     async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:
-        file = load_axis(config_file(request.axis)) if request.axis else self.file
-        data, source = self._data(request, file)
-        believed = replace(file.axis, effects=()) if isinstance(data[0], FrictionSeries) else file.axis
-
-        def tell(generation: Generation) -> None:
-            progress.tell(
-                progress=float(generation.share),
-                stage="searching",
-                generation=int(generation.number),
-                cost=float(generation.cost),
-            )
-
-        config = self.config
-        found = await self._waiter.in_thread(
-            lambda: identify(data, believed, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
-        )
-        if progress.cancelled.is_set():
-            raise JobError("identification", "was cancelled")
-        if not found.parameters["coulomb"].determined:
-            raise JobError("identification", f"coulomb is not determined: {found.parameters['coulomb'].reason}")
+        with new_results(self.config.results, request.directory) as directory:
+            file = await self._waiter.in_thread(lambda: axis_file(request.axis)) if request.axis else self.file
+            live, config = None if request.bags else self._heard(), self.config
+            progress.tell(stage="reading" if request.bags else "searching")
+            found, file, source = await self._waiter.in_thread(lambda: identified(request, live, file, config, progress))
+            if not found.parameters["coulomb"].determined:
+                raise JobError("identification", f"coulomb is not determined: {found.parameters['coulomb'].reason}")
+            if directory is not None:
+                await self._waiter.in_thread(lambda: write_result(directory, file, found))
         message = lugre_parameters(found, source, self.get_clock())
         answer.parameters, answer.rmse = message, found.rmse.train
-        if request.directory:
-            write_result(Path(request.directory), replace(file, axis=believed), found)
         self._publisher.publish(message)
         size = f"{found.parameters['coulomb'].value:.4g}, static {found.parameters['static'].value:.4g}"
         return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms, from {source}"
 
-    def _data(self, request: Any, file: AxisFile) -> tuple[list[Data], str]:
-        """Recordings of the bags named, or the series of live estimates, or without any the live recording of joint states."""
-        if request.bags:
-            bags = [Path(name) for name in request.bags]
-            return list(read_recordings(bags, file.mapped(request.axis or "axis file"))), ", ".join(request.bags)
+    def _heard(self) -> Live:
+        """A copy of the series of live estimates, or without any of the live recording of joint states, and what it is."""
         if not len(self._series):
             return [self._live.recording()], f"{len(self._live)} live joint states"
         t, velocity, torque = self._series.arrays()
@@ -130,6 +118,27 @@ class Identifier(AxisNode[IdentifierConfig]):
         return [FrictionSeries(t[keep], velocity[keep], torque[keep], delay, bandwidth)], f"{len(t)} live estimates"
 
 
+def identified(
+    request: Any, live: Live | None, file: AxisFile, config: IdentifierConfig, progress: Progress
+) -> tuple[Identification, AxisFile, str]:
+    """The identification asked for, the axis file as it was believed, and what it is from. Runs in a thread of its own."""
+    data, source = live or (recordings(request, file), ", ".join(request.bags))
+    believed = replace(file.axis, effects=()) if isinstance(data[0], FrictionSeries) else file.axis
+
+    def tell(generation: Generation) -> None:
+        progress.tell(
+            progress=float(generation.share),
+            stage="searching",
+            generation=int(generation.number),
+            cost=float(generation.cost),
+        )
+
+    found = identify(data, believed, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
+    if progress.cancelled.is_set():
+        raise JobError("identification", "was cancelled")
+    return found, replace(file, axis=believed), source
+
+
 def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreParameters:
     """A result as a message; what was identified for both directions together serves where one is missing."""
     message = LugreParameters(source=source)
@@ -137,7 +146,10 @@ def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreP
     for way, target in (("positive", message.positive), ("negative", message.negative)):
         estimates = {**found.parameters, **found.directions.get(way, {})}
         deviations = {name: item.std if item.determined else None for name, item in estimates.items()}
-        fill_direction(target, found.friction(way), deviations)
+        values = found.friction(way)
+        # each direction has a Coulomb torque of its own, but what exceeds it is the same, and may be nothing
+        values["static"] = max(values["static"], values["coulomb"])
+        fill_direction(target, values, deviations)
     message.torque_offset = float(found.offset.value) if found.offset.determined else 0.0
     return message
 

@@ -78,13 +78,22 @@ class _Later:
 
 
 def create_deferred_service(node: Node, kind: Any, name: str, handle: Callable[[Any, Any], Any]) -> Any:
-    """A service whose handler is a coroutine function. The events executor does not await those of ordinary services."""
+    """A service whose handler is a coroutine function. The events executor does not await those of ordinary services.
+
+    An exception becomes an answer: one that reaches that executor ends the process, with a segmentation fault in real time.
+    """
 
     def start(request: Any, response: Any) -> _Later:
         later = _Later()
 
         async def finish() -> None:
-            send(await handle(request, response), later.header)
+            try:
+                answer = await handle(request, response)
+            except Exception as error:
+                answer = response
+                answer.success, answer.message = False, f"{node.get_name()}/{name}: {type(error).__name__}: {error}"
+                node.get_logger().error(answer.message)
+            send(answer, later.header)
 
         assert node.executor is not None
         node.executor.create_task(finish)
@@ -118,44 +127,65 @@ Work = Callable[[Any, Any, Progress], Any]
 
 
 class Jobs:
-    """One job at a time behind a service and an action of the same name; `work(request, answer, progress)` is a coroutine."""
+    """One job at a time behind a service, an action or both of the same name; `work(request, answer, progress)` is a coroutine.
 
-    def __init__(self, node: Node, waiter: Waiter, name: str, action: Any, work: Work, service: Any = None) -> None:
+    The node logs what came of every job, and why it takes none.
+    """
+
+    def __init__(
+        self, node: Node, waiter: Waiter, name: str, work: Work, action: Any = None, service: Any = None
+    ) -> None:
         self._node, self._waiter, self._work = node, waiter, work
         self._action = action
-        self._name = f"{node.get_name()}/{name}"
-        self._busy = False
+        self.name = f"{node.get_name()}/{name}" if node.get_name() != name else name
+        self._since: float | None = None
         if service is not None:
             create_deferred_service(node, service, f"~/{name}", self._serve)
-        self._server = ActionServer(
-            node,
-            action,
-            f"~/{name}",
-            self._act,
-            goal_callback=lambda _: GoalResponse.REJECT if self._busy else GoalResponse.ACCEPT,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-        )
+        if action is not None:
+            self._server = ActionServer(
+                node,
+                action,
+                f"~/{name}",
+                self._act,
+                goal_callback=self._on_goal,
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
+            )
+
+    @property
+    def busy(self) -> str:
+        """Why no other job can begin now, "" when one can."""
+        return f"{self.name}: busy with another request for {time.monotonic() - self._since:.0f} s" if self._since else ""
+
+    def _on_goal(self, _: Any) -> GoalResponse:
+        if self.busy:
+            self._node.get_logger().warning(f"goal rejected: {self.busy}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     async def _serve(self, request: Any, response: Any) -> Any:
         return await self._guarded(request, response, Progress())
 
     async def _guarded(self, request: Any, answer: Any, progress: Progress) -> Any:
         """Every failure becomes an answer: success false and the reason in one line."""
-        if self._busy:
-            answer.success, answer.message = False, f"{self._name}: busy with another request"
+        if self.busy:
+            answer.success, answer.message = False, self.busy
+            self._node.get_logger().warning(f"request refused: {self.busy}")
             return answer
-        self._busy = True
+        self._since = time.monotonic()
         try:
             answer.message = str(await self._work(request, answer, progress))
             answer.success = True
         except TcsError as error:
             answer.success, answer.message = False, str(error)
         except Exception as error:  # a defect of ours must not take the node with it
-            answer.success, answer.message = False, f"{self._name}: {type(error).__name__}: {error}"
+            answer.success, answer.message = False, f"{self.name}: {type(error).__name__}: {error}"
         finally:
-            self._busy = False
-        if not answer.success:
-            self._node.get_logger().error(answer.message)
+            self._since = None
+        log = self._node.get_logger()
+        if answer.success:
+            log.info(f"{self.name}: {answer.message}")
+        else:
+            log.error(answer.message)
         return answer
 
     async def _act(self, goal: Any) -> Any:

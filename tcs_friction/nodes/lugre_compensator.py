@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from rclpy.parameter import Parameter
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, LugreParameters
@@ -17,7 +17,7 @@ from tcs_friction.control.plausible import Ranges, ranges
 from tcs_friction.control.stamps import NEW_RUN, NEXT, REFUSED, REPEATED, FollowRule, Step
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.convert import SECOND, direction
+from tcs_friction.nodes.convert import SECOND, friction_of, nanoseconds
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE, TORQUE, message_of
@@ -44,6 +44,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         super().__init__("lugre_compensator", defaults)
         self._publisher = self.create_publisher(AxisTorque, "friction_compensation", PUBLISH)
         self._message = b""
+        self._identified = 0  # ns, stamp of the parameters taken last
         self._stamp = -1
         self._compensator = LugreCompensator(self.config, self.config.period)
         self._rule = FollowRule(self.lock_step)
@@ -124,11 +125,11 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         if message is None:
             self.health.refuse("lugre_parameters refused: not readable")
             return
-        values = {
-            f"{side}.{name}": value
-            for side in ("positive", "negative")
-            for name, value in asdict(direction(getattr(message, side))).items()
-        }
+        stamp = nanoseconds(message.header.stamp)
+        if 0 < stamp < self._identified:
+            return  # latched by another publisher, and replaced since
+        self._identified = stamp
+        values = friction_of(message)
         result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
         if result.successful:
             self.get_logger().info(f"LuGre parameters taken from {message.source or 'lugre_parameters'}")

@@ -12,11 +12,16 @@ from tcs_friction_msgs.msg import LugreParameters
 from tcs_friction.config import AxisFile, write_whole
 from tcs_friction.control.loop import simulate_loop, without_friction
 from tcs_friction.control.reference import Reference
+from tcs_friction.control.tracking import Improvement, TrackingErrors, reversals
+from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import control_of
 from tcs_friction.nodes.convert import direction
 from tcs_friction.nodes.runs import Run
 from tcs_friction.report.commission import CommissionResult, write_report
 from tcs_friction.report.runs import FrictionRun, TrackingRun
+
+LOOK = 0.01  # s between two looks at a reference's speed
+MOST_LOOKS = 1_000_000
 
 
 def tracking(run: Run) -> TrackingRun:
@@ -52,7 +57,34 @@ def write_outcome(directory: Path, result: CommissionResult) -> None:
     write_report(directory, result)
 
 
-def search_costs(directory: Path) -> np.ndarray:
-    """Best cost of each generation of the identification just written to a directory."""
+def keep_identification(directory: Path | None, name: str) -> np.ndarray:
+    """Move the files of the best round's identification up to where those of the commissioning are.
+
+    Returns the best cost of each generation of its search; none where the identifier's results are on another machine.
+    """
+    if directory is None or not (directory / name).is_dir():
+        return np.zeros(0)
+    for path in (directory / name).iterdir():
+        path.replace(directory / path.name)
+    (directory / name).rmdir()
     content = json.loads((directory / "identification.json").read_text(encoding="utf-8"))
     return np.array(content["history"], dtype=np.float64)
+
+
+def check_reversals(name: str, reference: Reference, settle: float) -> None:
+    """Raises InputError, before anything moves, when errors at reversals in both directions could not be measured."""
+    t = np.linspace(0.0, reference.duration, int(np.clip(reference.duration / LOOK, 2, MOST_LOOKS)))
+    crossings = reversals(t, np.asarray(reference.over(t)[:, 1]))
+    ways = set(crossings[crossings[:, 0] > settle, 1])
+    lacking = [word for sign, word in ((1.0, "positive"), (-1.0, "negative")) if sign not in ways]
+    if lacking:
+        found = f"no reversal to {' or '.join(lacking)} motion in its {reference.duration:g} s after the {settle:g} s of settle"
+        raise InputError(name, found, "one each way")
+
+
+def verdict(before: TrackingErrors, after: TrackingErrors, gain: Improvement) -> str:
+    """What came of it, in words."""
+    change = 100.0 * (after.rms / before.rms - 1.0)
+    more = f"{abs(change):.0f} % {'more' if change > 0.0 else 'less'}"
+    words = f"tracking error {before.rms:.4f} to {after.rms:.4f} arcsec rms ({more}"
+    return f"{words}; at the reversals {gain.lowest:.3g} to {gain.highest:.3g} times what it was)"

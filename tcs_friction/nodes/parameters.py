@@ -42,9 +42,9 @@ def changed(config: Config, changes: Mapping[str, Any]) -> Config:
 
 
 def descriptor(entry: Setting) -> ParameterDescriptor:
-    """What `ros2 param describe` shows: description with unit, range, options."""
+    """What `ros2 param describe` shows: description with unit, range, options; read-only what is fixed."""
     unit = f" [{entry.unit}]" if entry.unit else ""
-    described = ParameterDescriptor(description=entry.description + unit)
+    described = ParameterDescriptor(description=entry.description + unit, read_only=entry.fixed)
     if entry.options:
         described.additional_constraints = "one of " + ", ".join(entry.options)
     elif isinstance(entry.default, float):
@@ -55,21 +55,30 @@ def descriptor(entry: Setting) -> ParameterDescriptor:
     return described
 
 
-def declare(node: Node, config: Config) -> Config:
+def declare(node: Node, config: Config, fixed: bool = False) -> Config:
     """Declares every setting with the configuration's value as default; returns the configuration with what the user gave.
 
+    With `fixed` none of them can be changed later.
     Raises InputError naming the node, the parameter, what was found and what was expected.
     """
     given: dict[str, Any] = {}
     for name, (entry, value) in flatten(config).items():
         try:
-            given[name] = node.declare_parameter(name, value, descriptor(entry)).value
+            given[name] = _given(node, replace(entry, fixed=fixed or entry.fixed), name, value)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             reason = str(error).rpartition("Reason: ")[2].removesuffix(f": {name}")
             raise InputError(node.get_name(), reason) from None
     result = changed(config, given)
     validate(result, f"{node.get_name()}: parameters")
     return result
+
+
+def _given(node: Node, entry: Setting, name: str, value: Any) -> Any:
+    """Declares one parameter; what it is then. An empty list is declared as [""], for ROS gives an empty one no type."""
+    if not isinstance(value, tuple):
+        return node.declare_parameter(name, value, descriptor(entry)).value
+    found = node.declare_parameter(name, list(value) or [""], descriptor(entry)).value
+    return tuple(item for item in found if item)
 
 
 def refuse_unknown(node: Node) -> None:
@@ -102,8 +111,13 @@ def _names(kind: type[Any], prefix: str = "") -> set[str]:
 
 
 def as_parameters(config: Any) -> list[Parameter]:
-    """A configuration's settings as ROS parameters."""
-    return [Parameter(name, value=value) for name, (_, value) in flatten(config).items()]
+    """A configuration's settings as ROS parameters, without those that are fixed."""
+    return [Parameter(name, value=value) for name, (entry, value) in flatten(config).items() if not entry.fixed]
+
+
+def keep_fixed(config: Config, before: Config) -> Config:
+    """A configuration with the fixed settings of the one before."""
+    return changed(config, {name: value for name, (entry, value) in flatten(before).items() if entry.fixed})
 
 
 def with_parameters(config: Config, parameters: Sequence[Parameter], where: str) -> Config:

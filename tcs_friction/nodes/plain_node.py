@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.steady import steady_timer
@@ -21,10 +19,8 @@ class PlainNode(Node, Generic[C]):
 
     def __init__(self, name: str, defaults: C) -> None:
         super().__init__(name, namespace="azimuth", enable_rosout=False)
-        self.config: C = parameters.declare(self, defaults)
+        self.config: C = parameters.declare(self, defaults, fixed=True)
         parameters.refuse_unknown(self)
-        self._own = {item.name for item in parameters.as_parameters(defaults)}
-        self.add_on_set_parameters_callback(self._refuse)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady_timer(self, 1.0, self._report)
 
@@ -32,19 +28,15 @@ class PlainNode(Node, Generic[C]):
         """What is wrong ("" for nothing), and counters. For subclasses."""
         raise NotImplementedError
 
-    def resolved(self, names: str) -> list[str]:
-        """Topics separated by blanks as full names."""
-        return [self.resolve_topic_name(name) for name in names.split()]
-
-    def _refuse(self, changes: Sequence[Parameter]) -> SetParametersResult:
-        fixed = [item.name for item in changes if item.name in self._own]
-        reason = f"{', '.join(fixed)} cannot change while the node runs; start it anew" if fixed else ""
-        return SetParametersResult(successful=not fixed, reason=reason)
+    def resolved(self, names: Sequence[str]) -> list[str]:
+        """Topics as full names."""
+        return [self.resolve_topic_name(name) for name in names]
 
     def _report(self) -> None:
         problem, counters = self.condition()
         level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
         status = DiagnosticStatus(level=level, name=self.get_fully_qualified_name(), message=problem or "ok")
+        status.hardware_id = str(getattr(self.config, "port", self.get_namespace().strip("/")))
         status.values = [KeyValue(key=key, value=value) for key, value in counters.items()]
         report = DiagnosticArray(status=[status])
         report.header.stamp = self.get_clock().now().to_msg()

@@ -115,6 +115,10 @@ class Plant(ManagedNode[PlantConfig]):
             return ""
         return f"acceptable torque_command for {self._stamp / SECOND:.6f} s{self._refusal}"
 
+    def waits(self) -> str:
+        reached = self.lock_step and self._stamp >= self._until
+        return f"run_until ({self.config.run_until:g} s) is reached, it can be set later" if reached else ""
+
     def _make(self, config: PlantConfig, file: AxisFile) -> Simulator:
         signals = tuple(item.signal for item in file.axis.effects if item.signal is not None)
         return Simulator(file.axis, config.period, config.seed, config.start_position, signals)

@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from tcs_friction.control.config_field import setting, switch, text
+from tcs_friction.control.config_field import setting, switch, text, texts
 from tcs_friction.errors import InputError, TcsError, nearest
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
@@ -38,7 +38,7 @@ class PlayerConfig:
     """What to play, and how."""
 
     bag: str = text("", "bag to play")
-    topics: str = text("", "topics to play, separated by blanks; empty for all")
+    topics: tuple[str, ...] = texts("topics to play; none for all")
     rate: float = setting(1.0, "1", 0.001, 1000.0, "how many times faster than it was recorded")
     loop: bool = switch(False, "begin anew at the end")
     start_offset: float = setting(0.0, "s", 0.0, 1e9, "leave out so much at the beginning")
@@ -89,8 +89,9 @@ class Pace:
 
     def bag_time(self) -> int:
         """The bag's time now."""
-        now = time.monotonic() if self._paused_at is None else self._paused_at
-        return self._begin + int((now - self._origin) * self.rate * SECOND)
+        with self._changed:
+            now = time.monotonic() if self._paused_at is None else self._paused_at
+            return self._begin + int((now - self._origin) * self.rate * SECOND)
 
     def wait(self, due: int) -> bool:
         """Return when a time of the bag is due: True, or False when stopped."""
@@ -108,7 +109,7 @@ class Pace:
 
 
 class PlayerNode(PlainNode[PlayerConfig]):
-    """One thread publishes at the bag's pace; the executor serves pause and resume."""
+    """One thread publishes at the bag's pace; the executor serves pause and resume, and ends the node when the thread is done."""
 
     def __init__(self, at_end: Callable[[], object] = rclpy.try_shutdown) -> None:
         super().__init__("player", PlayerConfig())
@@ -130,6 +131,9 @@ class PlayerNode(PlainNode[PlayerConfig]):
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if self.config.clock_rate else None
+        self.get_logger().info(f"ready to play {self.config.bag}")
+        self._finished = threading.Event()
+        self.create_timer(POLL, self._look)
         self._thread = threading.Thread(target=self._play, daemon=True)
         self._thread.start()
 
@@ -156,6 +160,12 @@ class PlayerNode(PlainNode[PlayerConfig]):
         response.success = True
         return response
 
+    def _look(self) -> None:
+        """In the executor's thread: from another one the end would come while a callback may be publishing."""
+        if self._finished.is_set():
+            self._finished.clear()
+            self._at_end()
+
     def _play(self) -> None:
         """The thread: everything once, or over and over."""
         try:
@@ -168,6 +178,9 @@ class PlayerNode(PlainNode[PlayerConfig]):
                 self.pace.start(begin)
                 played = self._play_once(itertools.chain(head, messages))
                 again = self.config.loop and played > 0
+            unheard = set(self._topics or ()) - {channel.topic for channel in self._outlets}
+            for topic in () if self.pace.stopped else sorted(unheard):
+                self.get_logger().warning(f"no message on {topic} in {self.config.bag}")
             for note in self._bag.notes:
                 self.get_logger().warning(note)
         except TcsError as error:
@@ -177,12 +190,15 @@ class PlayerNode(PlainNode[PlayerConfig]):
                 for outlet in filter(None, self._outlets.values()):
                     outlet.wait_for_all_acked(Duration(seconds=1.0))
                 self.get_logger().info(f"played {self.count} messages")
-                self._at_end()
+                self._finished.set()
 
     def _announce(self) -> None:
         """Make the publishers of the bag's first second, then leave subscribers time to find them."""
         for _, channel, _ in self._head():
             self._publisher(channel)
+        if lonely := self._lonely():
+            least = f"{self.config.subscribers} subscriber{'s' if self.config.subscribers > 1 else ''}"
+            self.get_logger().info(f"waiting for {least} of {', '.join(lonely)}; `topics` names what to play")
         while self._lonely() and not self.pace.stopped:
             time.sleep(POLL)
         self.pace.start(0)

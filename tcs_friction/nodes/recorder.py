@@ -13,7 +13,7 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 
-from tcs_friction.control.config_field import choice, setting, text
+from tcs_friction.control.config_field import choice, setting, text, texts
 from tcs_friction.nodes.bag_topics import (
     installed_definition,
     message_class,
@@ -35,7 +35,7 @@ class RecorderConfig:
     """What to record, and into what."""
 
     bag: str = text("", "directory to write; empty for recording_DATE_TIME here")
-    topics: str = text("", "topics to record, separated by blanks; empty for all")
+    topics: tuple[str, ...] = texts("topics to record; none for all")
     compression: str = choice("none", ("none", "lz4", "zstd"), "compression of the chunks of the file")
     split_size: float = setting(0.0, "MB", 0.0, 1e6, "begin a new file at this size; 0 for never")
     split_duration: float = setting(0.0, "s", 0.0, 1e6, "begin a new file after this time; 0 for never")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisReference
 
@@ -17,9 +15,10 @@ from tcs_friction.control.joining import JoinedReference, Phase, check_programme
 from tcs_friction.control.plausible import MotionLimits, Ranges, motion_limits, ranges
 from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, Step
 from tcs_friction.errors import TcsError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, config_file, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.files import reference_file
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE
@@ -46,7 +45,7 @@ class ReferenceConfig(MotionLimits, Ranges, ClockConfig):
 def chosen(config: ReferenceConfig) -> core.Reference:
     """The reference that a configuration means; raises InputError when that cannot be."""
     if config.reference_file:
-        return core.load_reference(Path(config_file(config.reference_file)))
+        return reference_file(config.reference_file)
     return core.Reference(getattr(config, config.kind))
 
 
@@ -78,7 +77,7 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         self._origin = 0  # ns, time 0 of `_joined`
         self._waiting = self.config.begin_at_once  # to begin as soon as the axis is heard
         self.start()
-        self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        self.hear_driver(self._on_state, LISTEN)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
 

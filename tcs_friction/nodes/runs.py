@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.node import Node
-from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, FrictionEstimate
 
 from tcs_friction.errors import JobError
+from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.convert import SECOND
+from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.nodes.qos import COLLECT
 from tcs_friction.nodes.series import Series
@@ -63,16 +65,20 @@ class Run:
 class RunCollector:
     """Collects while a run lasts and nothing otherwise."""
 
-    def __init__(self, node: Node, waiter: Waiter) -> None:
+    def __init__(self, node: AxisNode[Any], waiter: Waiter) -> None:
         self._waiter = waiter
         self._series: dict[str, Series] = {}
+        self._newest: dict[str, int] = {}  # stamps; a run ends between two of them where stamps are those of a real clock
         self._wire = JointWire("")
         self._end = -1
         self._from = -1
-        kinds = {"joint_states": JointState, "reference": AxisReference}
-        for name in COLUMNS:
-            listener = self._on_state if name == "joint_states" else self._listener(name)
-            node.create_subscription(kinds.get(name, FrictionEstimate), name, listener, COLLECT, raw=True)
+        self.reference: tuple[float, ...] | None = None
+        """Position, speed and acceleration of the last reference heard, whether a run lasts or not."""
+        self._commanded = CommandedTorque(node)
+        node.hear_driver(self._on_state, COLLECT)
+        node.create_subscription(AxisReference, "reference", self._listener("reference"), COLLECT, raw=True)
+        for name in ("friction_estimate", "true_friction"):
+            node.create_subscription(FrictionEstimate, name, self._listener(name), COLLECT, raw=True)
 
     def begin(self, joint: str, duration: float, topics: Sequence[str]) -> None:
         """Collect from the next joint state on, for `duration` seconds of its stamps."""
@@ -80,54 +86,66 @@ class RunCollector:
         self._wire = JointWire(joint)
         self._from, self._end = -1, -1
         self._duration = round(duration * SECOND)
+        self._newest = dict.fromkeys(topics, -1)
         self._series = {name: Series(len(COLUMNS[name])) for name in topics}
 
+    @property
+    def reached(self) -> int:
+        """Stamp (ns) of the last joint state, -1 before the first."""
+        return self._newest.get("joint_states", -1)
+
     def _on_state(self, data: bytes) -> None:
-        series = self._series.get("joint_states")
-        if series is None:
+        if "joint_states" not in self._series:
             return
-        stamp, *values = self._wire.read(data)
+        stamp, position, speed, torque = self._wire.read(data)
+        if math.isnan(position):
+            return  # of other joints
+        if math.isnan(torque):  # a driver that gives none
+            torque = self._commanded.until(stamp)
         if self._from < 0 or stamp < self._from:
             self._from, self._end = stamp, stamp + self._duration
-        if stamp <= self._end:
-            series.append(stamp, *values)
+        self._keep("joint_states", stamp, (position, speed, torque))
 
     def _listener(self, name: str) -> Callable[[bytes], None]:
         wire = REFERENCE if name == "reference" else ESTIMATE
 
         def listen(data: bytes) -> None:
-            series = self._series.get(name)
-            if series is not None:
-                stamp, values = wire.read(data)
-                if self._end < 0 or stamp <= self._end:
-                    series.append(stamp, *values)
+            if name != "reference" and name not in self._series:
+                return
+            stamp, values = wire.read(data)
+            if name == "reference":
+                self.reference = values
+            if name in self._series:
+                self._keep(name, stamp, values)
 
         return listen
 
+    def _keep(self, name: str, stamp: int, values: Sequence[float]) -> None:
+        self._newest[name] = stamp
+        if self._end < 0 or stamp <= self._end:
+            self._series[name].append(stamp, *values)
+
     def _complete(self) -> bool:
-        ends = [series.stamps[-1] if series.stamps else -1 for series in self._series.values()]
-        return self._end >= 0 and all(end >= self._end for end in ends)
+        return self._end >= 0 and all(stamp >= self._end for stamp in self._newest.values())
 
     async def finished(self, stall_limit: float, tell: Callable[[float], None]) -> Run:
         """The run once it is over. Raises JobError naming the topic that has stopped when nothing comes any more."""
         heard, since = -1, time.monotonic()
-        while not await self._waiter.until(self._complete, 0.1):
-            states = self._series["joint_states"]
-            if len(states) != heard:
-                heard, since = len(states), time.monotonic()
-            quiet = time.monotonic() - since
-            over = self._end >= 0 and heard > 0 and states.stamps[-1] >= self._end
-            if quiet > (GRACE if over else stall_limit):
-                raise self._stalled(quiet)
-            if heard > 0:
-                tell(min(1.0, (states.stamps[-1] - self._from) / self._duration))
-        result = Run(self._joint, {name: series.arrays() for name, series in self._series.items()})
-        self._series = {}
-        return result
+        try:
+            while not await self._waiter.until(self._complete, 0.1):
+                if self.reached != heard:
+                    heard, since = self.reached, time.monotonic()
+                quiet = time.monotonic() - since
+                over = 0 <= self._end <= heard
+                if quiet > (GRACE if over else stall_limit):
+                    raise self._stalled(quiet)
+                if heard >= 0:
+                    tell(min(1.0, max(0.0, (heard - self._from) / self._duration)))
+            return Run(self._joint, {name: series.arrays() for name, series in self._series.items()})
+        finally:
+            self._series = {}
 
     def _stalled(self, quiet: float) -> JobError:
-        ends = {name: series.stamps[-1] / SECOND if series.stamps else -1.0 for name, series in self._series.items()}
-        last = min(ends, key=lambda name: ends[name])
-        at = f"since its {ends[last]:.3f} s" if ends[last] >= 0.0 else "at all"
-        self._series = {}
+        last = min(self._newest, key=lambda name: self._newest[name])
+        at = f"since its {self._newest[last] / SECOND:.3f} s" if self._newest[last] >= 0 else "at all"
         return JobError("run", f"stalled for {quiet:.0f} s: no {last} {at}", "every node of the loop to be alive")

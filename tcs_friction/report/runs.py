@@ -18,7 +18,15 @@ from tcs_friction.control.compensator import (
     lugre_step,
 )
 from tcs_friction.control.loop import LoopRun
-from tcs_friction.control.tracking import ARCSEC, TrackingErrors, reversals, tracking_errors
+from tcs_friction.control.tracking import (
+    ARCSEC,
+    Improvement,
+    TrackingErrors,
+    errors_by_reversal,
+    improvement,
+    reversals,
+    tracking_errors,
+)
 from tcs_friction.report.figures import (
     BELIEVED,
     IMPROVED,
@@ -61,6 +69,11 @@ class TrackingRun:
     def errors(self, settle: float) -> TrackingErrors:
         """Table 3's numbers in arcsec, leaving out the first `settle` seconds."""
         return tracking_errors(self.t, self.reference_velocity, self.error / ARCSEC, settle)
+
+    def improvement(self, after: TrackingRun, settle: float) -> Improvement:
+        """What became of the error in a later run of the same reference."""
+        runs = (self, after)
+        return improvement(*(errors_by_reversal(run.t, run.reference_velocity, run.error, settle) for run in runs))
 
 
 @dataclass(frozen=True)

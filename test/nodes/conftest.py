@@ -136,7 +136,14 @@ class Processes:
     def start(self, name: str, *arguments: str, label: str = "") -> None:
         """Start a node; a second one of the same name needs a label."""
         label = label or name
-        command = [sys.executable, "-P", "-m", "tcs_friction.cli", "node", name, "--ros-args", *arguments]
+        self._run(label, "node", name, "--ros-args", *arguments)
+
+    def start_graph(self, *arguments: str, options: Sequence[str] = ()) -> None:
+        """Start the whole graph, a process for each node, all of them forked from one."""
+        self._run("graph", "graph", "--processes", *options, "--ros-args", *arguments)
+
+    def _run(self, label: str, *words: str) -> None:
+        command = [sys.executable, "-P", "-m", "tcs_friction.cli", *words]
         log = (self._folder / f"{label}.log").open("ab")
         env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
         self._processes[label] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
@@ -226,5 +233,67 @@ class Listener:
 def listener() -> Iterator[Listener]:
     """A pair of ears on the graph of this test."""
     made = Listener()
+    yield made
+    made.close()
+
+
+class Caller:
+    """A node that calls the nodes of a graph elsewhere; spun by the test."""
+
+    def __init__(self) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
+        rclpy.init(args=["caller"])
+        self.driver = rclpy.create_node("caller", namespace="azimuth")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.driver)
+
+    def until(self, ready: Callable[[], bool], limit: float = 30.0) -> bool:
+        """Spin until a condition holds; whether it did within the limit (s)."""
+        deadline = time.monotonic() + limit
+        while not ready() and time.monotonic() < deadline:
+            self.executor.spin_once(timeout_sec=0.05)
+        return ready()
+
+    def call(self, kind: Any, name: str, request: Any, limit: float = 60.0) -> Any:
+        """The answer of a service, None when there is none in time."""
+        client = self.driver.create_client(kind, name)
+        if not self.until(client.service_is_ready, limit):
+            return None
+        future = client.call_async(request)
+        self.until(future.done, limit)
+        return future.result() if future.done() else None
+
+    def parameters(self, node: str, names: list[str]) -> dict[str, Any]:
+        """Values of a node's parameters."""
+        from rcl_interfaces.srv import GetParameters
+        from rclpy.parameter import parameter_value_to_python
+
+        answer = self.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names))
+        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+
+    def positions(self, seconds: float) -> list[float]:
+        """Where the axis is during the next seconds."""
+        from sensor_msgs.msg import JointState
+
+        heard: list[float] = []
+        self.driver.create_subscription(JointState, "joint_states", lambda m: heard.append(m.position[0]), 100)
+        self.until(lambda: bool(heard))
+        end = time.monotonic() + seconds
+        self.until(lambda: time.monotonic() > end, seconds + 1.0)
+        return heard
+
+    def close(self) -> None:
+        import rclpy
+
+        self.driver.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def caller() -> Iterator[Caller]:
+    """Calls services and actions of the graph of this test."""
+    made = Caller()
     yield made
     made.close()

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.srv import Diagnose, Identify, SetMode
@@ -27,6 +28,7 @@ def short(tmp_path: Path) -> list[str]:
     run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 1.5, acceleration: 5.0e-3, duration: 6.0}\n")
     measure.write_text("reference: {kind: sinusoid, amplitude: 3.0e-3, period: 10.0, duration: 12.0}\n")
     arguments = {"reference_file": run, "measure_file": measure, "settle": 1.0, "run_until": 0.0, "answer_limit": 3.0}
+    arguments["results"] = tmp_path
     return [word for name, value in arguments.items() for word in ("-p", f"{name}:={value}")]
 
 
@@ -125,7 +127,7 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     graph = together(*short, nodes=GRAPH)
     heard: list[tuple[float, str]] = []
     directory = tmp_path / "out"
-    goal = CommissionAction.Goal(directory=str(directory))
+    goal = CommissionAction.Goal(directory="out")
     ended = graph.result(
         act(graph, CommissionAction, "commission/commission", goal, lambda f: heard.append((f.progress, f.stage))), 200.0
     )
@@ -166,15 +168,18 @@ def test_a_cancelled_commissioning_leaves_the_mode_plain(together: Callable[...,
     assert switches(graph) == (False, False, False)
 
 
-def test_a_second_goal_is_refused_while_one_runs(together: Callable[..., Any], short: list[str]) -> None:
+def test_a_second_goal_is_refused_while_one_runs(
+    together: Callable[..., Any], short: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
     graph = together(*short, nodes=GRAPH)
     heard: list[str] = []
     client = ActionClient(graph.driver, IdentifyAction, "identifier/identify")
-    graph["identifier"]._jobs._busy = True
+    graph["identifier"]._jobs._since = 1.0
     assert graph.until(client.server_is_ready)
     sent = client.send_goal_async(IdentifyAction.Goal())
     assert graph.until(sent.done)
     assert not sent.result().accepted
+    assert "goal rejected: identifier/identify: busy with another request for" in capfd.readouterr().err
     answer = call(graph, Identify, "identifier/identify", Identify.Request())
     assert "busy" in answer.message
     assert heard == []
@@ -202,11 +207,11 @@ def test_the_compensator_refuses_bad_parameters_whole(together: Callable[..., An
     message: LugreParameters = lugre_message(node.config, 0, "a bad day")
     message.positive.coulomb = 50.0
     message.negative.stiffness = float("nan")
-    node._on_parameters(message)
+    node._on_parameters(serialize_message(message))
     assert node.config == before
     assert "refused" in node.health.warning
     message.negative.stiffness = 2e5
-    node._on_parameters(message)
+    node._on_parameters(serialize_message(message))
     assert (node.config.positive.coulomb, node.config.negative.stiffness) == (50.0, 2e5)
     assert node.get_parameter("positive.coulomb").value == 50.0
     assert node.set_parameters([Parameter("switch3", value=True)])[0].successful

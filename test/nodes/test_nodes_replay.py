@@ -78,7 +78,7 @@ def test_a_run_played_back_is_identified_as_its_bag_is(
     processes: Any, call: Callable[..., Any], recorded: tuple[Path, Path], tmp_path: Path
 ) -> None:
     bag, axis = recorded
-    arguments = ("-p", f"axis:={axis}", "-p", f"period:={PERIOD}")
+    arguments = ("-p", f"axis:={axis}", "-p", f"period:={PERIOD}", "-p", f"results:={tmp_path}")
     processes.start("identifier", *arguments)
     processes.start("identifier", *arguments, "-p", "switch2:=true", "-r", "__node:=observing", label="observing")
     processes.start("player", "-p", f"bag:={bag}", "-p", f"rate:={RATE}", "-p", "subscribers:=2", "-p", "delay:=2.0")
@@ -87,12 +87,12 @@ def test_a_run_played_back_is_identified_as_its_bag_is(
     assert offline["coulomb"] == pytest.approx(78.1, rel=0.02)
     assert wait_until(lambda: not processes.alive("player"), 40.0), processes.log("player")
 
-    answer = call(Identify, "identifier/identify", Identify.Request(directory=str(tmp_path / "states")))
+    answer = call(Identify, "identifier/identify", Identify.Request(directory="states"))
     assert answer.success, answer.message
     assert "7501 live joint states" in answer.message
     assert found(tmp_path / "states") == offline  # the same samples, so the same numbers
 
-    answer = call(Identify, "observing/identify", Identify.Request(directory=str(tmp_path / "estimates")))
+    answer = call(Identify, "observing/identify", Identify.Request(directory="estimates"))
     assert answer.success, answer.message
     assert "7501 live estimates" in answer.message
     live = found(tmp_path / "estimates")
