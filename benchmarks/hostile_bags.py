@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import bz2
 import os
+import random
 import sqlite3
 import struct
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -64,17 +66,20 @@ def mcap(path: Path, *records: bytes) -> Path:
 
 def joint_state(names: Sequence[str], place: int = 0) -> bytes:
     """A CDR JointState in which every position, velocity and effort is 0."""
-    raw = b"\0\1\0\0" + struct.pack("<iII", 1, place * 1000, 1) + b"\0"
+    raw = bytearray(b"\0\1\0\0" + struct.pack("<iII", 1, place * 1000, 1) + b"\0")
 
-    def align(raw: bytes, size: int) -> bytes:
-        return raw + bytes(-(len(raw) - 4) % size)
+    def count(number: int, size: int) -> None:
+        raw.extend(bytes(-(len(raw) - 4) % 4) + struct.pack("<I", number))
+        raw.extend(bytes(-(len(raw) - 4) % size))
 
-    raw = align(raw, 4) + struct.pack("<I", len(names))
+    count(len(names), 1)
     for name in names:
-        raw = align(raw, 4) + struct.pack("<I", len(name) + 1) + name.encode() + b"\0"
+        count(len(name) + 1, 1)
+        raw.extend(name.encode() + b"\0")
     for _ in range(3):
-        raw = align(align(raw, 4) + struct.pack("<I", len(names)), 8) + bytes(8 * len(names))
-    return raw
+        count(len(names), 8)
+        raw.extend(bytes(8 * len(names)))
+    return bytes(raw)
 
 
 def typed(path: Path, definition: str, encoding: str = "ros2msg") -> Path:
@@ -237,16 +242,17 @@ HOSTILE_SCHEMAS = {
 }
 
 
-def database(path: Path, replaced: str, size: int) -> Path:
+def database(path: Path, size: int, replaced: str) -> Path:
     """A sqlite3 bag, one of whose tables is something else; `size` rows in what is ordinary."""
     path = path.with_suffix(".db3")
     with closing(sqlite3.connect(path)) as connection:
-        for statement in (*SCHEMA, replaced):
-            name = statement.split("(")[0].split()[2]
-            if statement is replaced and name in ("messages", "topics"):
-                connection.execute(f"DROP TABLE {name}")
+        for statement in SCHEMA:
             connection.execute(statement)
-        if " topics" not in replaced:
+        for name in ("messages", "topics"):
+            if f" {name}" in replaced.partition("AS")[0]:
+                connection.execute(f"DROP TABLE {name}")
+        connection.execute(replaced)
+        if "VIEW topics" not in replaced:
             connection.execute("INSERT INTO topics VALUES (1, ?, ?, 'cdr', '', '')", (TOPIC, JOINT_STATE))
         times = range(EPOCH, EPOCH + size * 1_000_000, 1_000_000)
         if "data BLOB AS" in replaced:
@@ -308,7 +314,7 @@ def ros1(path: Path, content: bytes) -> Path:
     return path
 
 
-def directory(path: Path, metadata: str, size: int = 20) -> Path:
+def directory(path: Path, size: int, metadata: str) -> Path:
     """A bag directory with one good file and a metadata.yaml of one's own."""
     path.mkdir()
     messages = [message(0, n, joint_state(["azimuth"], n)) for n in range(size)]
@@ -337,6 +343,56 @@ METADATA = {
 }
 
 
+def damaged(data: bytes, chance: random.Random) -> bytes:
+    """The bytes cut, flipped, overwritten, shortened or lengthened in one to three ways."""
+    raw = bytearray(data)
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        if not raw:
+            break
+        at = chance.randrange(len(raw))
+        length = min(len(raw) - at, chance.choice((1, 4, 8, 100, 5000)))
+        how = chance.randrange(7)
+        if how == 0:
+            del raw[at:]
+        elif how == 1:
+            for _ in range(chance.choice((1, 1, 5, 50))):
+                raw[chance.randrange(len(raw))] ^= 1 << chance.randrange(8)
+        elif how == 2:
+            raw[at : at + length] = bytes(length)
+        elif how == 3:
+            raw[at : at + length] = b"\xff" * length
+        elif how == 4:
+            del raw[at : at + length]
+        elif how == 5:
+            raw[at:at] = raw[at : at + length]
+        else:
+            raw[at : at + length] = chance.randbytes(length)
+    return bytes(raw)
+
+
+def good_mcap(path: Path, size: int) -> Path:
+    """An ordinary file: loose messages, then a chunk of them."""
+    parts = [message(0, n, joint_state(["azimuth", "elevation"], n)) for n in range(size)]
+    return mcap(path, topic(0, TOPIC, JOINT_STATE), *parts[: size // 2], chunk(b"".join(parts[size // 2 :])))
+
+
+def good_database(path: Path, size: int) -> Path:
+    """An ordinary database."""
+    return database(path, size, "CREATE TABLE more(x)")
+
+
+def good_ros1(path: Path, size: int) -> Path:
+    """An ordinary ROS 1 bag: a chunk as it is, then one compressed."""
+    payload = struct.pack("<IIII", 0, 1, 0, 0) + struct.pack("<II", 1, 7) + b"azimuth" + 3 * (struct.pack("<I", 1) + bytes(8))
+    fields = {b"op": b"\x02", b"conn": bytes(4)}
+    times = [struct.pack("<II", 1 + n // 1000, n % 1000 * 10**6) for n in range(size)]
+    records = [ros1_record({**fields, b"time": time}, payload) for time in times]
+    content = ros1_connection(0, TOPIC.encode()) + b"".join(records)
+    head = {b"op": b"\x05", b"size": struct.pack("<I", len(content))}
+    chunks = ((b"none", content), (b"bz2", bz2.compress(content)))
+    return ros1(path, b"".join(ros1_record({**head, b"compression": name}, packed) for name, packed in chunks))
+
+
 def fifo(path: Path, _: int) -> Path:
     """A pipe into which nobody writes."""
     path = path.with_suffix(".mcap")
@@ -353,7 +409,7 @@ def device(path: Path, _: int) -> Path:
 
 def fifo_in_directory(path: Path, _: int) -> Path:
     """A bag whose metadata is a pipe, and one of whose files is."""
-    directory(path, "")
+    directory(path, 20, "")
     (path / "metadata.yaml").unlink()
     os.mkfifo(path / "metadata.yaml")
     os.mkfifo(path / "bag_1.mcap")
@@ -384,6 +440,10 @@ CASES: dict[str, dict[Maker, tuple[int, int]]] = {
     "ros1": {
         ros1_bomb: (1, 200), ros1_connections: (1, 100_000), ros1_marks: (1, 100_000), ros1_counts: (1, 1000),
     },
+    "mcap": {good_mcap: (1, 500)},
+    "sqlite3": {good_database: (1, 500), **{partial(database, replaced=text): (1, 500) for text in HOSTILE_SCHEMAS.values()}},
+    "ros1 damaged": {good_ros1: (1, 500)},
+    "metadata": {partial(directory, metadata=text): (1, 50) for text in METADATA.values()},
     "files": {fifo: (1, 1), device: (1, 1), fifo_in_directory: (1, 1), loop: (1, 1)},
 }  # fmt: skip
 """Makers by kind, each with the least and the largest size to draw."""

@@ -17,7 +17,7 @@ import yaml
 
 from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import load_axis
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, printable
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import BagInfo, TopicInfo, bag_info
 from tcs_friction.recording.tables import export_table, import_table
@@ -89,7 +89,7 @@ def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[st
         print(json.dumps(result | {"notes": list(notes)}, allow_nan=False))
         return
     for note in notes:
-        print(f"tcs-friction: {note}", file=sys.stderr)
+        print(f"tcs-friction: {printable(note)}", file=sys.stderr)
     print(f"{arguments.output}: {result['samples']} samples, {result['duration']:g} s")
 
 
@@ -105,7 +105,7 @@ def info_text(info: BagInfo) -> str:
         lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())
     else:
         lines += ["", "# nothing here looks like position and torque of an axis"]
-    return "\n".join(lines)
+    return "\n".join(printable(part) for line in lines for part in line.split("\n"))
 
 
 def _topic_line(topic: TopicInfo, width: int, kind: int) -> str:

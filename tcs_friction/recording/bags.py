@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import InputError, nearest, printable
 from tcs_friction.recording import mcap_read, ros1_read, sqlite_read
 from tcs_friction.recording.align import align
 from tcs_friction.recording.allowance import Allowance
@@ -120,7 +120,7 @@ class Bag:
                 read += scan.read
         if self.damage and self.damage.unsure and self.stated is not None and self.stated >= read:
             self.damage.lost_messages, self.damage.unsure = self.stated - read, False
-        self.notes = [*self._file_notes, *([str(self.damage)] if self.damage else [])]
+        self.notes = [printable(note) for note in (*self._file_notes, *([str(self.damage)] if self.damage else []))]
         if not self.channels:
             raise InputError(str(self.path), f"nothing whole in it{self.lament()}", "a recording with messages")
 
