@@ -144,7 +144,7 @@ def long_names(path: Path, size: int) -> Path:
 def many_joints(path: Path, size: int) -> Path:
     """Messages of many joints, whose names come in another order each time."""
     names = [f"joint_{place}" for place in range(size)]
-    messages = [message(0, n, joint_state(names[n:] + names[:n], n)) for n in range(20)]
+    messages = [message(0, n, joint_state(names[n:] + names[:n], n)) for n in range(8)]
     return mcap(path, topic(0, TOPIC, JOINT_STATE), chunk(b"".join(messages)))
 
 
