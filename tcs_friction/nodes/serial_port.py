@@ -45,15 +45,19 @@ class SerialPort:
 
     def __init__(self, port: str, baud: int) -> None:
         self.port = port
+        patience = None if port.startswith("rfc2217:") else PATIENCE  # pyserial has none there; the network's buffer is large
         try:
-            self._line: Any = serial.serial_for_url(port, baud, timeout=0, write_timeout=PATIENCE, exclusive=True)
+            self._line: Any = serial.serial_for_url(port, baud, timeout=0, write_timeout=patience, exclusive=True)
         except (OSError, ValueError) as error:  # pyserial's own error is an OSError
             raise JobError(port, f"cannot be opened ({_reason(error)})", "a gauge plugged in") from None
 
     def read(self) -> bytes:
         """What has come since, perhaps nothing."""
+        received = b""
         try:
-            return bytes(self._line.read(MOST))
+            while len(received) < MOST and (part := self._line.read(MOST)):  # by RFC 2217 a byte comes at a time
+                received += part
+            return received
         except (OSError, TypeError) as error:  # TypeError: closed by pyserial itself
             raise self._gone(error) from None
 

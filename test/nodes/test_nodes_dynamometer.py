@@ -192,11 +192,18 @@ class Gauge:
                 os.write(master, answer(self.protocol, self.force) if self.reply is None else self.reply)
 
 
+class WithoutModem(serial.Serial):  # type: ignore[misc]
+    """A serial port whose modem lines are nowhere: a pseudo-terminal has none."""
+
+    cts = dsr = ri = cd = False
+    dtr = rts = True
+
+
 class SerialServer:
     """A serial port on the network, raw (socket) or by RFC 2217, for one client at a time, as a thread."""
 
     def __init__(self, device: str, scheme: str, number: int = 0) -> None:
-        self._port = serial.Serial(device, timeout=0.01)
+        self._port = WithoutModem(device, timeout=0.01)
         self._listening = socket.create_server(("127.0.0.1", number))
         self._listening.settimeout(0.1)
         self.number = self._listening.getsockname()[1]
