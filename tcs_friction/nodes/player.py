@@ -16,6 +16,7 @@ from typing import Any
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -239,7 +240,7 @@ class PlayerNode(PlainNode[PlayerConfig]):
                 return None
             try:
                 self._outlets[channel] = self.create_publisher(kind, channel.topic, publisher_profile(channel.qos))
-            except ValueError:  # names may hold anything in a bag
+            except NameValidationException:  # names may hold anything in a bag
                 self.get_logger().warning(f"{channel.topic} is not played: no name that a topic can have")
                 self._outlets[channel] = None
         return self._outlets[channel]
