@@ -40,7 +40,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},  # colcon test runs nothing without it
+    extras_require={"test": ["pytest"], "hardware": ["pyserial"]},  # colcon test runs nothing without it
     zip_safe=True,
     entry_points={
         "console_scripts": [

@@ -16,5 +16,6 @@ BENCHMARKS = {
     "accuracy": "identified parameters, beside truth and Cramer-Rao bound",
     "identify": "optimisers on the same cost",
     "hardware": "every friction law on every recording of real hardware",
+    "hostile": "files drawn to hurt, beside the limits of time and memory",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

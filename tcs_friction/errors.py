@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MOST_LISTED = 40
+MOST_SHOWN = 2000
+"""Characters of a message; what is longer is cut in the middle, where it quotes a file."""
 
 
 class TcsError(Exception):
@@ -24,7 +26,7 @@ class TcsError(Exception):
         self.found = found
         self.expected = expected
         parts = [found, f"expected {expected}"] if expected else [found]
-        super().__init__(f"{where}: {', '.join(parts)}".replace("\n", " "))
+        super().__init__(one_line(f"{where}: {', '.join(parts)}"))
 
 
 class InputError(TcsError):
@@ -35,6 +37,26 @@ class InputError(TcsError):
 
 class JobError(TcsError):
     """The input was fine and the job ran, but could not do what was asked. Exit status 1."""
+
+
+def printable(text: str) -> str:
+    """The text with control characters shown as escapes, so that a terminal does not obey what a file says.
+
+    >>> printable("a\\x1b[31m")
+    'a\\\\x1b[31m'
+    """
+    if text.isprintable():
+        return text
+    shown = (part if part.isprintable() else part.encode("unicode_escape").decode() for part in text)
+    return "".join(shown)
+
+
+def one_line(text: str) -> str:
+    """A message as one line of bounded length."""
+    line = printable(text.replace("\n", " "))
+    if len(line) <= MOST_SHOWN:
+        return line
+    return f"{line[: MOST_SHOWN // 2]} ... {line[-MOST_SHOWN // 2 :]}"
 
 
 @contextmanager

@@ -15,8 +15,9 @@ from typing import Any
 
 import yaml
 
+from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import load_axis
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, printable
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import BagInfo, TopicInfo, bag_info
 from tcs_friction.recording.tables import export_table, import_table
@@ -56,6 +57,7 @@ def _info(arguments: argparse.Namespace) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> None:
+    never_over_an_input([arguments.output], [arguments.bag, arguments.axis])
     file = load_axis(arguments.axis)
     (recording,) = read_recordings([arguments.bag], file.mapped(arguments.axis))
     export_table(recording, arguments.output, file.axis.kind)
@@ -64,19 +66,22 @@ def _export(arguments: argparse.Namespace) -> None:
 
 def _import(arguments: argparse.Namespace) -> None:
     file = load_axis(arguments.axis) if arguments.axis else None
-    chosen = {}
+    chosen: dict[str, str] = {}
     for entry in arguments.column:
         signal, separator, column = entry.partition("=")
         if not separator:
             raise InputError("--column", repr(entry), "SIGNAL=COLUMN")
+        if signal in chosen:
+            raise InputError("--column", f"{chosen[signal]!r} and {column!r} for {signal}", "one column for a signal")
         chosen[signal] = column
-    imported = import_table(arguments.file, arguments.joint, chosen, file.signals if file else None)
+    signals, kind = (file.signals, file.axis.kind) if file else (None, None)
+    imported = import_table(arguments.file, arguments.joint, chosen, signals, kind)
     write_recording(arguments.output, imported.recording, imported.signals)
-    signals = imported.signals.to_mapping()
+    block = imported.signals.to_mapping()
     result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}
-    _tell(arguments, imported.recording.notes, result | {"signals": signals})
+    _tell(arguments, imported.recording.notes, result | {"signals": block})
     if not arguments.json and file is None:
-        print(yaml.safe_dump({"signals": signals}, sort_keys=False, default_flow_style=None), end="")
+        print(yaml.safe_dump({"signals": block}, sort_keys=False, default_flow_style=None), end="")
 
 
 def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[str, Any]) -> None:
@@ -84,7 +89,7 @@ def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[st
         print(json.dumps(result | {"notes": list(notes)}, allow_nan=False))
         return
     for note in notes:
-        print(f"tcs-friction: {note}", file=sys.stderr)
+        print(f"tcs-friction: {printable(note)}", file=sys.stderr)
     print(f"{arguments.output}: {result['samples']} samples, {result['duration']:g} s")
 
 
@@ -100,7 +105,7 @@ def info_text(info: BagInfo) -> str:
         lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())
     else:
         lines += ["", "# nothing here looks like position and torque of an axis"]
-    return "\n".join(lines)
+    return "\n".join(printable(part) for line in lines for part in line.split("\n"))
 
 
 def _topic_line(topic: TopicInfo, width: int, kind: int) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
+from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Diagnosis
@@ -20,6 +21,8 @@ from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
+
+WRITTEN = ("diagnosis.json", "axis.yaml", EXPERIMENT, "report.html")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +42,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("diagnose", "neither an axis file nor a simulation", "--axis AXIS.yaml or --against SIM")
     if arguments.seed < 0:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
+    inputs = [*arguments.bags, arguments.axis, arguments.against]
+    never_over_an_input([arguments.output / name for name in WRITTEN], inputs)
     progress = _progress if sys.stderr.isatty() else _silent
     file, remark = _believed(arguments)
     recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))

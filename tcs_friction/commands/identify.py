@@ -15,6 +15,7 @@ from typing import Any
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
+from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
 from tcs_friction.errors import InputError, JobError, nearest, writing_into
 from tcs_friction.identify.comparison import Comparison, compare_laws
@@ -28,6 +29,7 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 
 ALL = "all"
+WRITTEN = ("identification.json", "axis.yaml", "report.html")
 ADJUSTABLE = ("pso-ga", "pso", "ga")
 SETTINGS = tuple(field.name for field in fields(SwarmOptions))
 
@@ -67,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    never_over_an_input([arguments.output / name for name in WRITTEN], [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
     signals = file.mapped(arguments.axis)
     options = IdentifyOptions(

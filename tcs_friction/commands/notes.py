@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 
+from tcs_friction.errors import printable
 from tcs_friction.recording.recording import Recording
 
 
 def tell_notes(recordings: Sequence[Recording]) -> None:
     """Each note on a line of stderr; one that several bags share is said once."""
     for line in note_lines((recording.source, recording.notes) for recording in recordings):
-        print(f"tcs-friction: {line}", file=sys.stderr)
+        print(f"tcs-friction: {printable(line)}", file=sys.stderr)
 
 
 def note_lines(notes: Iterable[tuple[str, Sequence[str]]]) -> list[str]:

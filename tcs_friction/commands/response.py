@@ -13,6 +13,7 @@ import json
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
+from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import load_axis, write_whole
 from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.plant_response import (
@@ -28,6 +29,7 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.response import explained, sentence, write_report
 
+WRITTEN = ("response.json", "report.html")
 HIGHEST_SHARE = 0.1  # of the sample rate, by default
 NO_REFERENCE = (
     "no reference recorded: under a controller the response is biased towards the inverse of the controller"
@@ -47,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, estimate, fit, write, say what came out."""
+    never_over_an_input([arguments.output / name for name in WRITTEN], [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
     recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
     lowest, highest = frequencies(recordings, arguments.lowest, arguments.highest)

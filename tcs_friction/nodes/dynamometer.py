@@ -15,7 +15,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.gauge import PROTOCOLS, UNITS, GaugeError, newtons
 from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.qos import PUBLISH
-from tcs_friction.nodes.serial_port import BAUD_RATES, SerialPort
+from tcs_friction.nodes.serial_port import BAUD_RATES, SerialPort, check_port
 from tcs_friction.nodes.steady import steady_timer
 
 LOOK = 0.005  # s between two looks at the port
@@ -27,7 +27,7 @@ FRESH = 2.0  # s for which trouble is reported
 class DynamometerConfig:
     """The gauge, its port, and how it pulls."""
 
-    port: str = text("/dev/ttyUSB0", "serial port of the gauge")
+    port: str = text("/dev/ttyUSB0", "serial port of the gauge: a device, rfc2217://HOST:PORT or socket://HOST:PORT")
     protocol: str = choice("mecmesin", tuple(PROTOCOLS), "what the gauge speaks")
     baud: int = setting(9600, "1/s", min(BAUD_RATES), max(BAUD_RATES), "baud rate, as set in the gauge")
     unit: str = choice("N", tuple(UNITS), "unit that the gauge is set to; a reply in another one is refused")
@@ -39,7 +39,8 @@ class DynamometerConfig:
     frame: str = text("", "frame name of the messages")
 
     def check(self) -> None:
-        """Raises InputError for values that the ranges alone do not forbid."""
+        """Raises InputError for values that the ranges alone do not forbid, and where pyserial is missing."""
+        check_port(self.port)
         if self.baud not in BAUD_RATES:
             raise InputError("dynamometer: parameter baud", str(self.baud), f"one of {', '.join(map(str, BAUD_RATES))}")
         if self.lever_arm == 0.0:

@@ -62,9 +62,17 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
     """
     rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
     stop = Future()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.done() or stop.set_result(None))
     nodes: list[Node] = []
+    made = False
+
+    def end(*_: object) -> None:
+        if not made:
+            raise KeyboardInterrupt  # in the middle of a node's making, which may read a bag for seconds
+        if not stop.done():
+            stop.set_result(None)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
     executor = make_executor()
     try:
         for factory in factories:
@@ -72,6 +80,7 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
             executor.add_node(nodes[-1])
             if words := getattr(nodes[-1], "introduction", ""):
                 nodes[-1].get_logger().info(words)
+        made = True
         gc.collect()
         gc.freeze()  # a collection of everything imported would take several control periods
         spin(executor, stop)
@@ -79,6 +88,9 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
         shown = error.quoting if isinstance(error, ContentError) else error
         print(f"tcs-friction: {shown}", file=sys.stderr)
         return error.exit_status
+    except KeyboardInterrupt:
+        return 0
     finally:
+        made = True  # from here on a second signal must not stop the end
         close(executor, nodes)
     return 0

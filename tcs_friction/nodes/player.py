@@ -16,6 +16,7 @@ from typing import Any
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -31,6 +32,8 @@ from tcs_friction.recording.play import Message, as_cdr, first_time, in_log_orde
 
 SECOND = 1_000_000_000
 POLL = 0.02  # s
+LONGEST_WAIT = 3600.0  # s; what the system can wait for at once ends somewhere
+LAST_SECOND = 2**31 - 1  # that a ROS time can tell
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ class Pace:
                 if self._paused_at is not None:
                     self._changed.wait(0.1)
                 elif left > 0.0 and not self.stopped:
-                    self._changed.wait(left)
+                    self._changed.wait(min(left, LONGEST_WAIT))
         return False
 
 
@@ -140,6 +143,7 @@ class PlayerNode(PlainNode[PlayerConfig]):
     def destroy_node(self) -> None:
         """Stop playing."""
         self.pace.stop()
+        self._bag.abandon()
         self._thread.join()
         super().destroy_node()
 
@@ -239,6 +243,8 @@ class PlayerNode(PlainNode[PlayerConfig]):
 
     def _publish_clock(self, now: int) -> None:
         assert self._clock_outlet is not None
+        if not 0 <= now // SECOND <= LAST_SECOND:
+            return
         self._clock_outlet.publish(Clock(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
 
     def _publisher(self, channel: Channel) -> Any:
@@ -247,8 +253,12 @@ class PlayerNode(PlainNode[PlayerConfig]):
             if kind is None or channel.encoding not in ("cdr", "ros1"):
                 self.get_logger().warning(f"{channel.topic} is not played: no {channel.msgtype} installed, or not cdr")
                 self._outlets[channel] = None
-            else:
+                return None
+            try:
                 self._outlets[channel] = self.create_publisher(kind, channel.topic, publisher_profile(channel.qos))
+            except NameValidationException:  # names may hold anything in a bag
+                self.get_logger().warning(f"{channel.topic} is not played: no name that a topic can have")
+                self._outlets[channel] = None
         return self._outlets[channel]
 
 

@@ -8,17 +8,17 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import InputError, nearest, printable
 from tcs_friction.recording import mcap_read, ros1_read, sqlite_read
 from tcs_friction.recording.align import align
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.metadata import MetadataError, listed_files
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
@@ -32,6 +32,9 @@ SCANS: dict[bytes, type[Scan]] = {
 SUFFIXES: dict[str, type[Scan]] = {
     ".mcap": mcap_read.McapScan, ".db3": sqlite_read.SqliteScan, ".bag": ros1_read.Ros1Scan
 }  # fmt: skip
+
+MOST_MISSING = 5
+"""Missing files named in a note."""
 
 
 def read_recordings(bags: Sequence[Path], signals: SignalMap) -> tuple[Recording, ...]:
@@ -54,7 +57,7 @@ def read_columns(bag: Bag, sources: Collection[SignalSource]) -> tuple[dict[str,
     for source in sources:
         wanted.setdefault(source.topic, []).append(source)
     notes: list[str] = []
-    columns = topic_columns(bag.batches(wanted), wanted, str(bag.path), notes)
+    columns = topic_columns(bag.batches(wanted), wanted, str(bag.path), notes, bag.allowance)
     known = {channel.topic for channel in bag.channels}
     for topic in wanted:
         if topic not in known:
@@ -84,29 +87,40 @@ class Bag:
         self.files = [self.path]
         self.stated: int | None = None
         self._file_notes: list[str] = []
+        self._abandoned = False
         if self.path.is_dir():
             self.files = self._listed()
+        elif not self.path.is_file():
+            raise InputError(str(self.path), "is no regular file", "a bag (a directory, .mcap, .db3 or .bag)")
+        self.allowance = Allowance(str(self.path), sum(path.stat().st_size for path in self.files))
 
     def lament(self) -> str:
         """The damage for the end of an error message."""
         return f" ({self.damage})" if self.damage else ""
 
+    def abandon(self) -> None:
+        """End a reading that is under way in another thread, at its next piece of the file."""
+        self._abandoned = True
+
     def batches(self, topics: Collection[str] | None = None) -> Iterator[Batch]:
         """Messages of the topics (None: all) in the order in which the files hold them, unpacked."""
         self.channels, self.damage, read = set(), Damage(), 0
+        self.allowance.renew()
         for path in self.files:
             with self._plain(path) as plain:
                 scan = self._scan(path, plain)
                 if scan is None:
                     continue
                 for batch in scan.batches():
+                    if self._abandoned:
+                        return
                     if topics is None or batch.channel.topic in topics:
                         yield self._unpacked(batch)
                 self.channels.update(scan.channels.values())
                 read += scan.read
         if self.damage and self.damage.unsure and self.stated is not None and self.stated >= read:
             self.damage.lost_messages, self.damage.unsure = self.stated - read, False
-        self.notes = [*self._file_notes, *([str(self.damage)] if self.damage else [])]
+        self.notes = [printable(note) for note in (*self._file_notes, *([str(self.damage)] if self.damage else []))]
         if not self.channels:
             raise InputError(str(self.path), f"nothing whole in it{self.lament()}", "a recording with messages")
 
@@ -128,35 +142,32 @@ class Bag:
             self.damage.add(f"{path.name} {found}")
             return None
         assert kind is not None
-        return kind(plain, self.damage)
+        return kind(plain, self.damage, self.allowance)
 
     def _listed(self) -> list[Path]:
         """The files of a directory: those its metadata names, else all that look like storage."""
         present = sorted((p for p in self.path.iterdir() if _is_storage(p)), key=_natural)
-        text = self.path / "metadata.yaml"
-        if not text.exists():
+        metadata = self.path / "metadata.yaml"
+        try:
+            names, self.stated = listed_files(metadata)
+            named = [path for name in names if (path := self.path / name).name == name]
+        except FileNotFoundError:
             if not present:
                 found = "is a directory without metadata.yaml, .mcap, .db3 or .bag files"
-                raise InputError(str(self.path), found, "a bag")
+                raise InputError(str(self.path), found, "a bag") from None
             self._file_notes.append(f"metadata.yaml is missing; {len(present)} storage files found by name")
             return present
-        try:
-            named = [self.path / Path(name).name for name in self._metadata(text)["relative_file_paths"]]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError, RecursionError):
-            self._file_notes.append(f"metadata.yaml is broken; {len(present)} storage files found by name")
+        except MetadataError as error:
+            self._file_notes.append(f"metadata.yaml is broken ({error}); {len(present)} storage files found by name")
             named = present
-        missing = [path for path in named if not path.exists()]
-        if missing:
-            self._file_notes.append(f"damaged: {', '.join(path.name for path in missing)} missing, the rest read")
-        files = [path for path in named if path.exists()] or present
+        files = [path for path in named if path.is_file()]
+        if missing := [path.name for path in named if path not in files]:
+            shown = ", ".join(missing[:MOST_MISSING]) + (f" and {more} more" if (more := len(missing) - MOST_MISSING) > 0 else "")
+            self._file_notes.append(f"damaged: {shown} missing, the rest read")
+        files = files or present
         if not files:
             raise InputError(str(self.path), "none of its storage files exists", "the files that metadata.yaml names")
         return files
-
-    def _metadata(self, text: Path) -> dict[str, Any]:
-        metadata: dict[str, Any] = yaml.safe_load(text.read_text())["rosbag2_bagfile_information"]
-        self.stated = int(metadata.get("message_count", 0)) or None
-        return metadata
 
     @contextmanager
     def _plain(self, path: Path) -> Iterator[Path]:
@@ -168,7 +179,7 @@ class Bag:
         with tempfile.TemporaryDirectory() as scratch:
             plain = Path(scratch, path.stem)
             with path.open("rb") as packed, plain.open("wb") as out:
-                if not unpack_file(packed, out):
+                if not unpack_file(packed, out, self.allowance):
                     self.damage.add(f"{path.name} cannot be unpacked to its end")
             yield plain
 
@@ -182,7 +193,7 @@ class Bag:
         whole, parts = [], []
         for index, payload in enumerate(batch.payloads()):
             try:
-                parts.append(_message(payload))
+                parts.append(self._message(payload))
                 whole.append(index)
             except UnpackError:
                 self.damage.add("messages that cannot be unpacked", len(payload), 1)
@@ -192,14 +203,14 @@ class Bag:
         times = batch.log_times[whole]
         return Batch(batch.channel, buffer, times, starts, lengths, unpacked_from=batch.buffer)
 
-
-def _message(payload: bytes) -> bytes:
-    """One message out of its own zstd frame."""
-    try:
-        size = zstd.get_frame_info(payload).decompressed_size
-    except (zstd.ZstdError, ValueError):
-        raise UnpackError("broken head") from None
-    return unpack(payload, "zstd", size if size is not None else 0)
+    def _message(self, payload: bytes) -> bytes:
+        """One message out of its own zstd frame."""
+        self.allowance.spend(1)
+        try:
+            size = zstd.get_frame_info(payload).decompressed_size
+        except (zstd.ZstdError, ValueError):
+            raise UnpackError("broken head") from None
+        return unpack(payload, "zstd", size if size is not None else 0, self.allowance)
 
 
 def _is_storage(path: Path) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.recording import kernels
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
 from tcs_friction.recording.definitions import Channel, full_name, types_of
 from tcs_friction.recording.layout import Layout, MalformedError, layout
@@ -26,6 +27,9 @@ BLOCK_ROWS = 1 << 17
 """Rows of a column that are allocated at a time."""
 
 SECOND = 1_000_000_000
+
+STEPS_BATCH = 100
+"""Steps (see Allowance) of decoding any batch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +66,11 @@ class Batch:
 class Decoder:
     """Decodes the batches of one channel into columns: the wanted sources and, if the type has one, the stamp."""
 
-    def __init__(self, channel: Channel, sources: Sequence[SignalSource], bag: str) -> None:
+    def __init__(self, channel: Channel, sources: Sequence[SignalSource], bag: str, allowance: Allowance) -> None:
         """Raises InputError if the channel's type lacks a source."""
+        self._allowance = allowance
+        allowance.parse(channel.definition)
+        allowance.spend(STEPS_BATCH)
         if channel.encoding not in ("cdr", "ros1"):
             raise InputError(f"{bag} {channel.topic}", f"messages are serialised as {channel.encoding}", "cdr or ros1")
         self._types = types_of(channel)
@@ -76,6 +83,7 @@ class Decoder:
 
     def decode(self, batch: Batch) -> tuple[Column, Mask, Nanoseconds | None, Mask]:
         """values (sources, n), absent (sources, n), stamps (n,) or None, and which messages could be decoded (n,)."""
+        self._allowance.spend(STEPS_BATCH)
         count = len(batch)
         values = np.full((len(self._targets), count), np.nan)
         absent = np.zeros(values.shape, dtype=np.bool_)
@@ -95,10 +103,10 @@ class Decoder:
         left = len(batch)
         while left and number < MAX_LAYOUTS:
             if number == len(self._layouts):
-                fresh = self._layout(batch, int(np.argmax(assigned == -1)), assigned)
+                unassigned = np.flatnonzero(assigned == -1).tolist()
+                fresh = next(filter(None, (self._layout(batch, index, assigned) for index in unassigned)), None)
                 if fresh is None:
-                    left -= 1
-                    continue
+                    break
                 self._layouts.append(fresh)
             known = self._layouts[number]
             before = left
@@ -114,7 +122,7 @@ class Decoder:
         """The layout of one message; a message that fits its type nowhere is marked -2."""
         try:
             raw = batch.payload(index)
-            fresh = layout(raw, self._types, self._msgtype, self._ros1, self._targets, self.stamp)
+            fresh = layout(raw, self._types, self._msgtype, self._ros1, self._targets, self.stamp, self._allowance)
         except MalformedError:
             assigned[index] = -2
             return None
@@ -198,8 +206,9 @@ class Blocks:
 class _Growing:
     """The columns of one topic while batches come in."""
 
-    def __init__(self, topic: str, sources: Sequence[SignalSource]) -> None:
+    def __init__(self, topic: str, sources: Sequence[SignalSource], allowance: Allowance) -> None:
         self.topic = topic
+        self.allowance = allowance
         self.sources = tuple(dict.fromkeys(sources))
         self.decoders: dict[Channel, Decoder] = {}
         self.log_times = Blocks(np.int64)
@@ -211,7 +220,7 @@ class _Growing:
     def add(self, batch: Batch, bag: str) -> None:
         decoder = self.decoders.get(batch.channel)
         if decoder is None:
-            decoder = self.decoders[batch.channel] = Decoder(batch.channel, self.sources, bag)
+            decoder = self.decoders[batch.channel] = Decoder(batch.channel, self.sources, bag, self.allowance)
         values, absent, stamps, good = decoder.decode(batch)
         spoilt = int(np.count_nonzero(~good))
         self.spoilt += spoilt
@@ -249,10 +258,10 @@ class _Growing:
 
 
 def topic_columns(
-    batches: Iterable[Batch], wanted: dict[str, list[SignalSource]], bag: str, told: list[str]
+    batches: Iterable[Batch], wanted: dict[str, list[SignalSource]], bag: str, told: list[str], allowance: Allowance
 ) -> dict[str, TopicColumns]:
     """Columns of every wanted topic that has messages. Messages that do not fit their type are counted in `told`."""
-    growing = {topic: _Growing(topic, sources) for topic, sources in wanted.items()}
+    growing = {topic: _Growing(topic, sources, allowance) for topic, sources in wanted.items()}
     for batch in batches:
         if batch.channel.topic in growing and len(batch):
             growing[batch.channel.topic].add(batch, bag)

@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import Nanoseconds
 from tcs_friction.recording.decode import SECOND
 from tcs_friction.recording.definitions import Channel, full_name, types_of
@@ -106,7 +107,7 @@ def _filled(
     channel = replace(channel_of(topic, msgtype), qos=qos)
     targets = [target(channel, source, topic) for source in sources]
     stamp = stamp_path(channel)
-    known = layout(mould, types_of(channel), full_name(msgtype), False, targets, stamp)
+    known = layout(mould, types_of(channel), full_name(msgtype), False, targets, stamp, Allowance(topic, len(mould)))
     messages = np.tile(np.frombuffer(mould, np.uint8), (len(times), 1))
     for place, values in zip(known.columns, sources.values(), strict=True):
         assert place is not None  # the mould was made with every source in it

@@ -10,6 +10,7 @@ import numpy as np
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording import clock
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.columns import Nanoseconds
 from tcs_friction.recording.decode import Batch, Blocks, Decoder
@@ -60,7 +61,7 @@ class BagInfo:
 class _Topic:
     """Times and stamps of one topic while batches come in, and its first message."""
 
-    def __init__(self, channel: Channel, first: bytes, bag: str) -> None:
+    def __init__(self, channel: Channel, first: bytes, bag: str, allowance: Allowance) -> None:
         self.channel = channel
         self.first = first
         self.log_times, self.stamps = Blocks(np.int64), Blocks(np.int64)
@@ -68,7 +69,7 @@ class _Topic:
         self.decoder: Decoder | None = None
         self.spoilt = 0
         try:
-            self.decoder = Decoder(channel, [], bag)
+            self.decoder = Decoder(channel, [], bag, allowance)
         except InputError as error:
             self.findings.append(error.found)
 
@@ -91,9 +92,10 @@ def bag_info(path: Path) -> BagInfo:
         if len(batch):
             name = batch.channel.topic
             if name not in topics:
-                topics[name] = _Topic(batch.channel, batch.payload(0), str(path))
+                topics[name] = _Topic(batch.channel, batch.payload(0), str(path), bag.allowance)
             topics[name].add(batch)
-    signals = proposed_signals({topic.channel: topic.first for topic in topics.values()})
+    readable = {topic.channel: topic.first for topic in topics.values() if topic.decoder is not None}
+    signals = proposed_signals(readable, bag.allowance)
     infos: list[TopicInfo] = []
     first, last = [], []
     for name in sorted(topics):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.definitions import TIMES, Types
 from tcs_friction.recording.targets import Path, Target
 
@@ -23,6 +24,13 @@ CODES = {
     "bool": "u1", "byte": "u1", "char": "u1", "uint8": "u1", "int8": "i1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
+
+
+MAX_STRUCTURE = 1 << 19
+"""Bytes of lengths and joint names in one message: 20,000 joints with names of 18 letters."""
+
+STEPS_WALK = 80
+"""Steps (see Allowance) of a walk over a message besides one for each field."""
 
 
 class MalformedError(Exception):
@@ -64,7 +72,9 @@ class _Walk:
     aligned: bool
     numbers: set[Path]
     lists: set[Path]
+    allowance: Allowance
     position: int = 0
+    structure: int = 0
     marks: list[tuple[int, int]] = field(default_factory=list)
     found: dict[Path, tuple[int, int, str]] = field(default_factory=dict)  # offset, count, dtype
     names: dict[Path, list[str]] = field(default_factory=dict)
@@ -81,18 +91,24 @@ class _Walk:
 
     def length(self) -> int:
         offset = self.take(4)
-        self.marks.append((offset, 4))
+        self._mark(offset, 4)
         (count,) = struct.unpack_from(f"{self.order}I", self.raw, offset)
         if count > len(self.raw) - self.position:
             raise MalformedError(f"claims {count} elements in {len(self.raw) - self.position} bytes")
         return int(count)
+
+    def _mark(self, offset: int, size: int) -> None:
+        self.marks.append((offset, size))
+        self.structure += size
+        if self.structure > MAX_STRUCTURE:
+            raise MalformedError(f"has more than {MAX_STRUCTURE} bytes of lengths and names")
 
     def text(self, wide: bool, marked: bool) -> str:
         size = self.length() * (4 if wide else 1)
         offset = self.take(1, size)
         if not marked:
             return ""
-        self.marks.append((offset, size))
+        self._mark(offset, size)
         return self.raw[offset : offset + size].rstrip(b"\0").decode(errors="replace")
 
     def met(self, path: Path, offset: int, count: int, code: str) -> None:
@@ -113,6 +129,7 @@ class _Walk:
             self.field(desc, (*path, field_name))
 
     def field(self, desc: FieldDesc, path: Path) -> None:
+        self.allowance.spend(1)
         if desc[0] == Nodetype.BASE:
             self.base(str(desc[1][0]), path)
         elif desc[0] == Nodetype.NAME:
@@ -140,6 +157,7 @@ class _Walk:
                     self.met(wanted, offset + int(code[1]) * int(wanted[-1]), 1, code)
             return
         if path in self.lists:
+            self.allowance.spend(count)
             self.names[path] = [self.text(False, True) for _ in range(count)]
             self._finish()
             return
@@ -150,8 +168,11 @@ class _Walk:
                 break
 
 
-def layout(raw: bytes, types: Types, msgtype: str, ros1: bool, targets: Sequence[Target], stamp: Path | None) -> Layout:
+def layout(
+    raw: bytes, types: Types, msgtype: str, ros1: bool, targets: Sequence[Target], stamp: Path | None, allowance: Allowance
+) -> Layout:
     """The layout of one message. Raises MalformedError if the bytes do not fit the type."""
+    allowance.spend(STEPS_WALK)
     order = "<"
     if not ros1:
         if len(raw) < 4 or raw[0] != 0 or raw[1] not in (0, 1):
@@ -159,7 +180,7 @@ def layout(raw: bytes, types: Types, msgtype: str, ros1: bool, targets: Sequence
         order = "<" if raw[1] else ">"
     numbers = {item.path for item in targets} | ({stamp} if stamp is not None else set())
     lists = {item.names for item in targets if item.names is not None}
-    walk = _Walk(raw, types, order, not ros1, numbers, lists, 0 if ros1 else 4)
+    walk = _Walk(raw, types, order, not ros1, numbers, lists, allowance, 0 if ros1 else 4)
     try:
         walk.struct(msgtype, ())
     except _CompleteError:
@@ -173,11 +194,13 @@ def layout(raw: bytes, types: Types, msgtype: str, ros1: bool, targets: Sequence
 
 def _layout(walk: _Walk, targets: Sequence[Target], stamp: Path | None) -> Layout:
     columns = tuple(_column(walk, item) for item in targets)
-    offsets = np.concatenate([np.arange(start, start + size) for start, size in walk.marks] or [np.zeros(0, int)])
+    starts, sizes = np.array(walk.marks, dtype=np.int64).reshape(-1, 2).T
+    before = np.cumsum(sizes) - sizes
+    offsets = np.arange(sizes.sum()) + np.repeat(starts - before, sizes)
     content = np.frombuffer(walk.raw, np.uint8)[offsets]
     names = tuple(name for found in walk.names.values() for name in found)
     at = walk.found[stamp][0] if stamp in walk.found else None
-    return Layout(walk.position, offsets.astype(np.int64), content, columns, at, walk.order, names)
+    return Layout(walk.position, offsets, content, columns, at, walk.order, names)
 
 
 def _column(walk: _Walk, item: Target) -> tuple[int, str] | None:

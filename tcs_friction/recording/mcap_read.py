@@ -16,9 +16,19 @@ from typing import BinaryIO
 import numpy as np
 
 from tcs_friction.recording import kernels
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.decode import Batch
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.storage import BLOCK, MAX_CHUNK, Damage, UnpackError, Window, unpack
+from tcs_friction.recording.storage import (
+    BLOCK,
+    MAX_CHUNK,
+    MAX_TOPICS,
+    Damage,
+    UnpackError,
+    Window,
+    by_number,
+    unpack,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
@@ -34,6 +44,13 @@ TAIL = 37
 """Bytes of the footer record and the closing magic."""
 
 MAX_SUMMARY = 1 << 26
+MAX_NOTED = 1 << 24
+"""Bytes of a schema, channel, index or statistics record."""
+
+STEPS_NOTE = 5
+STEPS_RUN = 50
+"""Steps (see Allowance) of keeping what a record says, and of finding and passing on a run of messages."""
+
 MESSAGE_MIN = 22
 CHUNK_MIN = 40
 ODD_RECORDS = {DATA_END: range(4, 5), FOOTER: range(20, 21), STATISTICS: range(46, 1 << 20), SCHEMA: range(14, 1 << 24),
@@ -44,9 +61,10 @@ ODD_RECORDS = {DATA_END: range(4, 5), FOOTER: range(20, 21), STATISTICS: range(4
 class McapScan:
     """One pass over one mcap file. After `batches` has ended, `damage` and `counted` are complete."""
 
-    def __init__(self, path: Path, damage: Damage) -> None:
+    def __init__(self, path: Path, damage: Damage, allowance: Allowance) -> None:
         self.path = path
         self.damage = damage
+        self.allowance = allowance
         self.channels: dict[int, Channel] = {}
         self.read = 0
         self.stated: int | None = None  # messages by the file's own statistics
@@ -86,6 +104,7 @@ class McapScan:
     def _note_summary(self, summary: bytes) -> None:
         at = 0
         while at + 9 <= len(summary):
+            self.allowance.spend(1)
             operation, length = _HEAD.unpack_from(summary, at)
             if length > len(summary) - at - 9:
                 break
@@ -96,8 +115,8 @@ class McapScan:
     def _reckon(self) -> None:
         """Say how much was lost; the statistics at the end of the file know best."""
         self.damage.unsure |= self._uncounted
-        if self.stated is None or self.stated < self.read:
-            return
+        if self.stated is None or not self.read <= self.stated <= self.read + self.path.stat().st_size:
+            return  # a message takes more than a byte
         if self.damage:
             self.damage.lost_messages = self.stated - self.read
             self.damage.unsure = False
@@ -107,12 +126,13 @@ class McapScan:
     def _record(self, window: Window) -> Iterator[Batch]:
         head = window.peek(9)
         operation, length = _HEAD.unpack(head) if len(head) == 9 else (0, 0)
-        if operation == MESSAGE and MESSAGE_MIN <= length <= window.remaining - 9:
+        if operation == MESSAGE and MESSAGE_MIN <= length <= min(window.remaining - 9, MAX_CHUNK):
             yield from self._loose_messages(window, length)
-        elif operation == CHUNK and CHUNK_MIN <= length <= window.remaining - 9:
+        elif operation == CHUNK and CHUNK_MIN <= length <= min(window.remaining - 9, MAX_CHUNK):
             yield from self._chunk(window, length)
         elif operation in KNOWN and operation not in (MESSAGE, CHUNK) and length <= window.remaining - 9:
-            if operation in (SCHEMA, CHANNEL, MESSAGE_INDEX, STATISTICS) and window.have(9 + length):
+            noted = operation in (SCHEMA, CHANNEL, MESSAGE_INDEX, STATISTICS) and length <= MAX_NOTED
+            if noted and window.have(9 + length):
                 content = window.data[window.start + 9 : window.start + 9 + length]
                 self._note(operation, content)
             self._ended = operation == FOOTER
@@ -143,7 +163,7 @@ class McapScan:
             return
         size, crc, compression, at = parts
         try:
-            raw = unpack(record[at:], compression, size)
+            raw = unpack(record[at:], compression, size, self.allowance)
         except UnpackError as error:
             self._lose_chunk(f"chunks that cannot be unpacked: {error}", length)
         else:
@@ -158,8 +178,9 @@ class McapScan:
         buffer = np.frombuffer(raw, np.uint8)
         at = 0
         while at + 9 <= len(raw):
+            self.allowance.spend(1)
             operation, length = _HEAD.unpack_from(raw, at)
-            if length > len(raw) - at - 9 or (operation == MESSAGE and length < MESSAGE_MIN):
+            if not operation or length > len(raw) - at - 9 or (operation == MESSAGE and length < MESSAGE_MIN):
                 break
             if operation == MESSAGE:
                 at, batches = self._messages(buffer, at, len(raw))
@@ -173,15 +194,15 @@ class McapScan:
 
     def _messages(self, buffer: kernels.Buffer, start: int, stop: int) -> tuple[int, Iterator[Batch]]:
         """The run of messages at `start`: where it ends, and its batches."""
+        self.allowance.spend(STEPS_RUN)
         count, end = kernels.count_mcap_messages(buffer, start, stop)
         channels, log_times, starts, lengths = np.empty((4, count), dtype=np.int64)
         kernels.list_mcap_messages(buffer, start, channels, log_times, starts, lengths)
         return end, self._by_channel(buffer, channels, log_times, starts, lengths)
 
     def _by_channel(self, buffer, channels, log_times, starts, lengths) -> Iterator[Batch]:  # type: ignore[no-untyped-def]
-        present = np.unique(channels) if len(channels) and channels.min() != channels.max() else channels[:1]
-        for number in present.tolist():
-            chosen = slice(None) if len(present) == 1 else np.flatnonzero(channels == number)
+        for number, chosen in by_number(channels):
+            self.allowance.spend(STEPS_RUN)
             batch_starts = starts[chosen]
             known = self.channels.get(number)
             if known is None:
@@ -192,6 +213,7 @@ class McapScan:
 
     def _note(self, operation: int, content: bytes) -> None:
         """Keep what a record other than a message or chunk says."""
+        self.allowance.spend(STEPS_NOTE)
         try:
             if operation == SCHEMA:
                 self._add_schema(_Fields(content))
@@ -215,7 +237,9 @@ class McapScan:
         number, schema = fields.u16(), fields.u16()
         topic, encoding = fields.text(), fields.text()
         name, definition_encoding, definition = self._schemas.get(schema, ("", "", ""))
-        known = Channel(topic, name, encoding, definition, definition_encoding, _qos(fields.raw()))
+        known = self.damage.channel(topic, name, encoding, definition, definition_encoding, _qos(fields.raw()))
+        if known is None or (number not in self.channels and len(self.channels) >= MAX_TOPICS):
+            return
         self.channels[number] = known
 
     def _lose_chunk(self, what: str, length: int) -> None:
@@ -232,10 +256,12 @@ class McapScan:
         begin = window.offset
         window.skip(1)
         while window.remaining:
-            block = window.peek(BLOCK)
-            last = len(block) if len(block) == window.remaining else len(block) // 2
-            at = next((m.start() for m in _LIKELY.finditer(block, 0, last) if self._surely(window, m.start())), last)
-            window.skip(at)
+            window.have(min(BLOCK, window.remaining))
+            data, start = window.data, window.start
+            last = len(data) if len(data) - start == window.remaining else start + (len(data) - start) // 2
+            likely = (match.start() for match in _LIKELY.finditer(data, start, last))
+            at = next((place for place in likely if self._surely(window, place - start)), last)
+            window.skip(at - start)
             if at < last:
                 break
         if window.remaining:
@@ -248,17 +274,18 @@ class McapScan:
         head = window.peek(9 + CHUNK_MIN + 4)
         length = _HEAD.unpack_from(head)[1] if len(head) >= 9 else 0
         parts = _chunk_head(head[9:], length) if length > window.remaining - 9 else None
-        if parts is None or window.remaining > MAX_CHUNK:
+        if parts is None or window.remaining > MAX_CHUNK or not self.allowance.unpack(window.remaining):
             return None
         size, _, compression, at = parts
         packed = window.peek(window.remaining)[9 + at :]
         try:
-            return unpack(packed, compression, size)
+            return unpack(packed, compression, size, self.allowance)
         except UnpackError as error:
             return error.partial
 
     def _surely(self, window: Window, at: int) -> bool:
         """Whether a record begins `at` bytes into the window: a whole chunk, or two likely records in a row."""
+        self.allowance.spend(STEPS_NOTE)
         data, start, sure = window.data, window.start + at, 0
         while sure < 2:
             room = window.remaining - (start - window.start)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import struct
 from collections.abc import Collection, Iterator
 
 import numpy as np
@@ -11,6 +12,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.decode import Batch
 from tcs_friction.recording.definitions import Channel, full_name, standard_types, types_of
@@ -72,7 +74,7 @@ def as_cdr(channel: Channel, payload: bytes) -> bytes | None:
         return payload
     try:
         return bytes(_converter(channel).ros1_to_cdr(payload, full_name(channel.msgtype)))
-    except SerdeError:
+    except (SerdeError, InputError, ValueError, TypeError, IndexError, struct.error, MemoryError):  # whatever a bag holds
         return None
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.definitions import Channel, full_name, number_paths, types_of
-from tcs_friction.recording.layout import MalformedError, layout
+from tcs_friction.recording.layout import Layout, MalformedError, layout
 from tcs_friction.recording.signals import SignalSource
 from tcs_friction.recording.targets import target
 
@@ -18,22 +20,30 @@ LIKELY = {
 }
 """Last words of fields that hold a signal, the likeliest first."""
 
+MAX_JOINTS = 200
+"""Joints of one message that are proposed; a humanoid has 60."""
+
+STEPS_PATH = 50
+"""Steps (see Allowance) of judging one field of a type."""
+
 WANTED = ("reference", "setpoint", "desired", "target", "command")
 """Words in topics or fields that say where the axis should be, not where it is."""
 
 
-def proposed_signals(first: Mapping[Channel, bytes]) -> dict[str, Any]:
-    """A `signals:` block (as SignalMap.from_mapping takes it) from one message a channel; {} if nothing looks like an axis."""
-    channels = dict(sorted(first.items(), key=lambda item: item[0].topic))
+def proposed_signals(first: Mapping[Channel, bytes], allowance: Allowance) -> dict[str, Any]:
+    """A `signals:` block (as SignalMap.from_mapping takes it) from one message a channel; {} if nothing looks like an axis.
+
+    Raises InputError when the types take more work than the allowance has left.
+    """
+    sight = [_Sight(channel, first[channel], allowance) for channel in sorted(first, key=lambda item: item.topic)]
     block: dict[str, Any] = {}
     others: dict[str, Any] = {}
-    for channel, raw in channels.items():
-        joints = joint_names(channel, raw)
-        if joints and "position" not in block and not _wanted(channel.topic):
-            block, others = _of_joints(channel, raw, joints)
-    for channel, raw in channels.items():
-        if not joint_names(channel, raw):
-            _of_numbers(channel, block, others)
+    for seen in sight:
+        if seen.joints and "position" not in block and not _wanted(seen.channel.topic):
+            block, others = _of_joints(seen)
+    for seen in sight:
+        if not seen.joints:
+            _of_numbers(seen, block, others)
     if "position" not in block:
         return {}
     if others:
@@ -41,67 +51,69 @@ def proposed_signals(first: Mapping[Channel, bytes]) -> dict[str, Any]:
     return block
 
 
-def joint_names(channel: Channel, raw: bytes) -> list[str]:
-    """The joints that a message of several names, [] if it is not of that kind."""
-    known = _with_joints(channel)
-    return list(dict.fromkeys(_names(channel, raw, next(iter(known.values()))))) if known else []
+class _Sight:
+    """A channel and one of its messages: which fields may hold signals, and which joints it names."""
 
+    def __init__(self, channel: Channel, raw: bytes, allowance: Allowance) -> None:
+        self.channel = channel
+        self.raw = raw
+        self.allowance = allowance
+        self.paths = number_paths(types_of(channel), channel.msgtype)
+        allowance.spend(STEPS_PATH * len(self.paths))
+        self.likely = tuple(_likely_paths(channel, self.paths))
+        self.arrays = self._with_joints()
+        found = self.walked(next(iter(self.arrays.values())), [""]) if self.arrays else None
+        self.joints = list(dict.fromkeys(found.names))[:MAX_JOINTS] if found is not None else []
 
-def _with_joints(channel: Channel) -> dict[str, str]:
-    """Signals that a type has as arrays beside joint names: signal -> field."""
-    found: dict[str, str] = {}
-    for name, path in _likely_paths(channel):
+    def walked(self, path: str, joints: Sequence[str]) -> Layout | None:
+        """Where the message has the number of each joint; None if it does not fit its type."""
+        topic, ros1 = self.channel.topic, self.channel.encoding == "ros1"
+        targets = [target(self.channel, SignalSource(topic, path, joint), topic) for joint in joints]
         try:
-            target(channel, SignalSource(channel.topic, path, "any"), channel.topic)
-        except InputError:
-            continue
-        found.setdefault(name, path)
-    return found
+            types, name = types_of(self.channel), full_name(self.channel.msgtype)
+            return layout(self.raw, types, name, ros1, targets, None, self.allowance)
+        except MalformedError:
+            return None
+
+    def _with_joints(self) -> dict[str, str]:
+        """Signals that the type has as arrays beside joint names: signal -> field."""
+        found: dict[str, str] = {}
+        for name, path in self.likely:
+            with suppress(InputError):
+                if name not in found:
+                    target(self.channel, SignalSource(self.channel.topic, path, "any"), self.channel.topic)
+                    found[name] = path
+        return found
 
 
-def _names(channel: Channel, raw: bytes, path: str) -> tuple[str, ...]:
-    where = target(channel, SignalSource(channel.topic, path, ""), channel.topic)
-    try:
-        return layout(
-            raw, types_of(channel), full_name(channel.msgtype), channel.encoding == "ros1", [where], None
-        ).names
-    except MalformedError:
-        return ()
-
-
-def _of_joints(channel: Channel, raw: bytes, joints: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _of_joints(seen: _Sight) -> tuple[dict[str, Any], dict[str, Any]]:
     """The first joint's signals, and the other joints' velocities as what might push on it."""
     block, others = {}, {}
-    for name, path in _with_joints(channel).items():
-        if _filled(channel, raw, path, joints[0]):
-            block[name] = {"topic": channel.topic, "field": path, "joint": joints[0]}
-        if name == "velocity":
-            for joint in joints[1:]:
-                if _filled(channel, raw, path, joint):
-                    others[f"{joint}_velocity"] = {"topic": channel.topic, "field": path, "joint": joint}
+    topic = seen.channel.topic
+    for name, path in seen.arrays.items():
+        found = seen.walked(path, seen.joints)
+        filled = [joint for joint, column in zip(seen.joints, found.columns, strict=True) if column] if found else []
+        for joint in filled:
+            entry = {"topic": topic, "field": path, "joint": joint}
+            if joint == seen.joints[0]:
+                block[name] = entry
+            elif name == "velocity":
+                others[f"{joint}_velocity"] = entry
     return block, others
 
 
-def _filled(channel: Channel, raw: bytes, path: str, joint: str) -> bool:
-    where = target(channel, SignalSource(channel.topic, path, joint), channel.topic)
-    try:
-        ros1 = channel.encoding == "ros1"
-        return layout(raw, types_of(channel), full_name(channel.msgtype), ros1, [where], None).columns[0] is not None
-    except MalformedError:
-        return False
-
-
-def _of_numbers(channel: Channel, block: dict[str, Any], others: dict[str, Any]) -> None:
+def _of_numbers(seen: _Sight, block: dict[str, Any], others: dict[str, Any]) -> None:
     """Add what a topic without joints may be: temperature, reference, wind, or an axis of its own."""
+    channel = seen.channel
     if channel.msgtype.endswith("/Temperature"):
         block.setdefault("temperature", {"topic": channel.topic, "field": "temperature"})
         return
     if "wind" in channel.topic.lower():
-        path = next((path for path in _paths(channel) if path.endswith((".x", "data", "speed"))), None)
+        path = next((path for path in seen.paths if path.endswith((".x", "data", "speed"))), None)
         if path is not None:
             others.setdefault("wind_speed", {"topic": channel.topic, "field": path})
         return
-    for name, path in _likely_paths(channel):
+    for name, path in seen.likely:
         source = SignalSource(channel.topic, path)
         try:
             target(channel, source, channel.topic)
@@ -114,22 +126,14 @@ def _of_numbers(channel: Channel, block: dict[str, Any], others: dict[str, Any])
             block.setdefault(name, {"topic": channel.topic, "field": path})
 
 
-def _likely_paths(channel: Channel) -> Iterator[tuple[str, str]]:
+def _likely_paths(channel: Channel, paths: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Signals and the fields that may hold them, the likeliest first; `data` goes by the topic's name."""
-    paths = _paths(channel)
     for name, words in LIKELY.items():
         for word in words:
             for path in paths:
                 last = path.rpartition(".")[2].lower()
                 if last == word or (last == "data" and channel.topic.lower().rpartition("/")[2].endswith(word)):
                     yield name, path
-
-
-def _paths(channel: Channel) -> list[str]:
-    try:
-        return number_paths(types_of(channel), channel.msgtype)
-    except InputError:
-        return []
 
 
 def _wanted(text: str) -> bool:

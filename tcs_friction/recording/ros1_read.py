@@ -5,7 +5,6 @@ The file is read once from front to back and needs no index (http://wiki.ros.org
 
 from __future__ import annotations
 
-import bz2
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,22 +12,43 @@ from pathlib import Path
 import numpy as np
 
 from tcs_friction.recording import kernels
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.decode import Batch
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.storage import BLOCK, MAX_CHUNK, Damage, UnpackError, Window, unpack
+from tcs_friction.recording.storage import (
+    BLOCK,
+    MAX_CHUNK,
+    MAX_TOPICS,
+    Damage,
+    UnpackError,
+    Window,
+    by_number,
+    unpack,
+)
 
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CHUNK_INFO, CONNECTION = 2, 5, 6, 7
 MAX_HEADER = 1 << 20
+MAX_CHUNK_HEADER = 300
+"""Bytes of a chunk's header: three short fields."""
+
+CHUNK_FIELD = b"\x04\x00\x00\x00op=\x05"
+"""The field of a record's header that makes it a chunk, behind its length."""
+
 ROWS = 1 << 15
+
+STEPS_NOTE = 20
+STEPS_RUN = 50
+"""Steps (see Allowance) of reading a connection, or of looking for a header once, and of passing on messages of one topic."""
 
 
 class Ros1Scan:
     """One pass over one .bag file. After `batches` has ended, `damage` and `channels` are complete."""
 
-    def __init__(self, path: Path, damage: Damage) -> None:
+    def __init__(self, path: Path, damage: Damage, allowance: Allowance) -> None:
         self.path = path
         self.damage = damage
+        self.allowance = allowance
         self.channels: dict[int, Channel] = {}
         self.read = 0
         self.stated: int | None = None
@@ -85,7 +105,7 @@ class Ros1Scan:
         if b"op=" not in window.data[window.start + 4 : window.start + 4 + header_length]:
             return None
         (data_length,) = struct.unpack_from("<I", window.data, window.start + 4 + header_length)
-        return (header_length, data_length) if data_length <= window.remaining - 8 - header_length else None
+        return (header_length, data_length) if data_length <= min(window.remaining - 8 - header_length, MAX_CHUNK) else None
 
     def _broken(self, window: Window) -> Iterator[Batch]:
         """Take what a cut chunk still holds, or go on at the next chunk header."""
@@ -93,27 +113,31 @@ class Ros1Scan:
         cut = self._cut_chunk(window)
         window.skip(1)
         while window.remaining:
-            block = window.peek(BLOCK)
-            at = block.find(b"op=\x05")
-            while at >= 0 and not self._begins(window, block, at):
-                at = block.find(b"op=\x05", at + 1)
+            window.have(min(BLOCK, window.remaining))
+            block, start = window.data, window.start
+            at = block.find(CHUNK_FIELD, start)
+            while at >= 0 and not self._begins(window, block, start, at):
+                at = block.find(CHUNK_FIELD, at + 1)
             if at >= 0:
                 break
-            window.skip(len(block) if len(block) == window.remaining else len(block) - 4096)
+            here = len(block) - start
+            window.skip(here if here == window.remaining else here - 4096)
         if cut is not None and not window.remaining:
             self.damage.add("the last chunk is cut")
             yield from self._content(cut, cut=True)
         else:
             self.damage.add("stretches that are no records", window.offset - begin)
 
-    def _begins(self, window: Window, block: bytes, at: int) -> bool:
-        """Move the window to the record whose header has the field at `at`, if one does."""
-        for back in range(8, min(at, 200) + 1):
-            length = int.from_bytes(block[at - back : at - back + 4], "little")
-            if back + 0 <= 8 + length <= 300 and at + 4 <= at - back + 4 + length:
-                head = _header(block[at - back + 4 : at - back + 4 + length])
+    def _begins(self, window: Window, block: bytes, start: int, at: int) -> bool:
+        """Move the window to the chunk record whose header has its `op` field's length at `at`, if one does."""
+        for begin in range(at - 4, max(start, at - MAX_CHUNK_HEADER) - 1, -1):
+            self.allowance.spend(1)
+            length = int.from_bytes(block[begin : begin + 4], "little")
+            if at + 4 + len(b"op=\x05") <= begin + 4 + length <= begin + 4 + MAX_CHUNK_HEADER:
+                self.allowance.spend(STEPS_NOTE)
+                head = _header(block[begin + 4 : begin + 4 + length])
                 if head.get("op") == b"\x05" and "compression" in head and "size" in head:
-                    window.skip(at - back)
+                    window.skip(begin - start)
                     return True
         return False
 
@@ -123,21 +147,26 @@ class Ros1Scan:
             return None
         (length,) = struct.unpack_from("<I", head_bytes)
         head = _header(head_bytes[4 : 4 + length]) if length < 4096 - 8 else {}
-        if head.get("op") != b"\x05" or window.remaining > MAX_CHUNK:
+        if head.get("op") != b"\x05" or window.remaining > MAX_CHUNK or not self.allowance.unpack(window.remaining):
             return None
         packed = window.peek(window.remaining)[8 + length :]
         try:
-            return _unpacked(head, packed)
+            return self._unpacked(head, packed)
         except UnpackError as error:
             return error.partial
 
     def _chunk(self, head: dict[str, bytes], data: bytes) -> Iterator[Batch]:
         try:
-            raw = _unpacked(head, data)
+            raw = self._unpacked(head, data)
         except UnpackError as error:
             self.damage.add(f"chunks that cannot be unpacked: {error}", len(data))
             raw = error.partial
         yield from self._content(raw, cut=False)
+
+    def _unpacked(self, head: dict[str, bytes], data: bytes) -> bytes:
+        size = int.from_bytes(head.get("size", b"")[:4], "little")
+        compression = head.get("compression", b"").decode(errors="replace")
+        return unpack(data, "" if compression == "none" else compression, size, self.allowance)
 
     def _content(self, raw: bytes, cut: bool) -> Iterator[Batch]:
         buffer = np.frombuffer(raw, np.uint8)
@@ -157,8 +186,9 @@ class Ros1Scan:
             self.damage.add("chunks with broken records", len(raw) - at)
 
     def _messages(self, buffer: kernels.Buffer, table: kernels.Longs) -> Iterator[Batch]:
-        for number in np.unique(table[:, 1]).tolist():
-            rows = table[table[:, 1] == number]
+        for number, places in by_number(table[:, 1]):
+            self.allowance.spend(STEPS_RUN)
+            rows = table[places]
             if number not in self.channels:
                 self.damage.add("messages whose connection is unknown", int(rows[:, 5].sum()), len(rows))
                 continue
@@ -167,6 +197,7 @@ class Ros1Scan:
             yield Batch(self.channels[number], buffer, times, starts, lengths)
 
     def _connect(self, head: dict[str, bytes], data: bytes) -> None:
+        self.allowance.spend(STEPS_NOTE)
         inner = _header(data)
         if len(head.get("conn", b"")) != 4 or "type" not in inner:
             self.damage.add("broken connection records", len(data), 0)
@@ -174,30 +205,9 @@ class Ros1Scan:
         topic = head.get("topic", inner.get("topic", b"")).decode(errors="replace")
         msgtype = inner["type"].decode(errors="replace")
         definition = inner.get("message_definition", b"").decode(errors="replace")
-        known = Channel(topic, msgtype, "ros1", definition, "ros1msg")
-        self.channels.setdefault(int.from_bytes(head["conn"], "little"), known)
-
-
-def _unpacked(head: dict[str, bytes], data: bytes) -> bytes:
-    size = int.from_bytes(head.get("size", b"")[:4], "little")
-    compression = head.get("compression", b"").decode(errors="replace")
-    if compression != "bz2":
-        return unpack(data, "" if compression == "none" else compression, size)
-    if size > MAX_CHUNK:
-        raise UnpackError("impossible size")
-    decoder = bz2.BZ2Decompressor()
-    parts: list[bytes] = []
-    try:
-        while not decoder.eof and (part := decoder.decompress(b"" if parts else data, size + 1)):
-            parts.append(part)
-            if sum(map(len, parts)) > size:
-                break
-    except (OSError, EOFError):
-        raise UnpackError("broken compression", b"".join(parts)) from None
-    raw = b"".join(parts)
-    if len(raw) != size:
-        raise UnpackError("wrong size", raw[:size])
-    return raw
+        known = self.damage.channel(topic, msgtype, "ros1", definition, "ros1msg")
+        if known is not None and len(self.channels) < MAX_TOPICS:
+            self.channels.setdefault(int.from_bytes(head["conn"], "little"), known)
 
 
 def _header(data: bytes) -> dict[str, bytes]:

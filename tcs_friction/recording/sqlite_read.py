@@ -13,16 +13,21 @@ from pathlib import Path
 import numpy as np
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.decode import Batch
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.storage import Damage
+from tcs_friction.recording.storage import MAX_TOPICS, Damage, by_number
 
 MAGIC = b"SQLite format 3\x00"
-ROWS = 8192
-"""Rows fetched at a time."""
-
+BATCH_ROWS = 1 << 16
 BATCH_BYTES = 1 << 25
-"""Payload bytes gathered before a batch is handed on."""
+"""Rows, or payload bytes, gathered before a batch is handed on."""
+
+STEPS_BROKEN = 20
+"""Steps (see Allowance) of a query that starts behind a broken page."""
+
+ALLOWED = (sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_PRAGMA)
+"""What may be done with a database: a view, a virtual table or a computed column could run for ever."""
 
 Row = tuple[int, int, int, bytes]
 
@@ -30,9 +35,10 @@ Row = tuple[int, int, int, bytes]
 class SqliteScan:
     """One pass over one .db3 file. After `batches` has ended, `damage` and `channels` are complete."""
 
-    def __init__(self, path: Path, damage: Damage) -> None:
+    def __init__(self, path: Path, damage: Damage, allowance: Allowance) -> None:
         self.path = path
         self.damage = damage
+        self.allowance = allowance
         self.channels: dict[int, Channel] = {}
         self.read = 0
         self.stated: int | None = None
@@ -41,7 +47,8 @@ class SqliteScan:
         """Every readable message, in batches of one channel each. Raises InputError if the topics are unreadable."""
         with _opened(self.path) as connection:
             try:
-                self.channels = _channels(connection)
+                self.channels = _channels(connection, self.damage)
+                _check_messages(connection)
             except (sqlite3.Error, TypeError, ValueError) as error:
                 raise InputError(str(self.path), f"its topics cannot be read: {error}", "a rosbag2 sqlite3 file") from None
             waiting: list[Row] = []
@@ -52,7 +59,7 @@ class SqliteScan:
                     size += len(row[3])
                 else:
                     self.damage.add("rows that are no messages", lost_messages=1)
-                if size > BATCH_BYTES or len(waiting) >= 8 * ROWS:
+                if size > BATCH_BYTES or len(waiting) >= BATCH_ROWS:
                     yield from self._batches(waiting)
                     waiting, size = [], 0
             yield from self._batches(waiting)
@@ -61,21 +68,23 @@ class SqliteScan:
         """Rows by rising id; where a page is broken, ids after it are tried in growing strides."""
         query = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
         last, stride = -(2**63), 1
-        with suppress(sqlite3.Error):
-            last = int(connection.execute("SELECT min(id) FROM messages").fetchone()[0] or 1) - 1
+        with suppress(sqlite3.Error, TypeError, ValueError):
+            last = int(connection.execute("SELECT id FROM messages ORDER BY id LIMIT 1").fetchone()[0]) - 1
         broken = False
         while True:
             try:
-                cursor = connection.execute(query, (last,))
-                while rows := cursor.fetchmany(ROWS if not broken else 1):
-                    for row in rows:
-                        if not isinstance(row[0], int) or row[0] <= last:
-                            raise sqlite3.DatabaseError("rows out of order")
-                        last, stride = row[0], 1
-                        yield row
+                for row in connection.execute(query, (last,)):
+                    if not isinstance(row[0], int) or row[0] <= last:
+                        raise sqlite3.DatabaseError("rows out of order")
+                    if not self.allowance.unpack(len(row[3]) if isinstance(row[3], bytes) else 0):
+                        self.damage.add("rows that claim more than the file holds")
+                        return
+                    last, stride = row[0], 1
+                    yield row
                 return
             except (sqlite3.Error, OverflowError, MemoryError):
-                if broken:  # row by row up to here already
+                self.allowance.spend(STEPS_BROKEN)
+                if broken:
                     last, stride = last + stride, stride * 2
                 else:
                     self.damage.add("broken database pages")
@@ -91,8 +100,7 @@ class SqliteScan:
         lengths = np.array([len(row[3]) for row in rows], dtype=np.int64)
         starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
         buffer = np.frombuffer(b"".join([row[3] for row in rows]), np.uint8)
-        for number in np.unique(topics).tolist():
-            chosen = np.flatnonzero(topics == number)
+        for number, chosen in by_number(topics):
             if number not in self.channels:
                 self.damage.add("messages whose topic is unknown", lost_messages=len(chosen))
                 continue
@@ -122,6 +130,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
             connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(path.stat().st_size, 1 << 16))
             with suppress(sqlite3.Error):
                 connection.execute("PRAGMA writable_schema = ON")
+            connection.set_authorizer(_authorize)
             connection.text_factory = lambda raw: raw.decode(errors="replace")
             yield connection
 
@@ -134,16 +143,43 @@ def _broken_page(path: Path) -> int:
     return path.stat().st_size % size if size >= 512 else 0
 
 
-def _channels(connection: sqlite3.Connection) -> dict[int, Channel]:
-    columns = {row[1] for row in connection.execute("PRAGMA table_info(topics)")}
+def _authorize(action: int, _first: str | None, _second: str | None, _database: str | None, inside: str | None) -> int:
+    """Refuse everything but reading tables; `inside` names the view or trigger that asks."""
+    return sqlite3.SQLITE_OK if action in ALLOWED and inside is None else sqlite3.SQLITE_DENY
+
+
+def _columns(connection: sqlite3.Connection, table: str) -> dict[str, tuple[str, int]]:
+    """Type and place in the primary key (0: none) of each stored column. Raises ValueError if it is no ordinary table."""
+    stored = "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = ? AND rootpage > 0"
+    if connection.execute(stored, (table,)).fetchone() is None:
+        raise ValueError(f"{table} is no ordinary table")
+    rows = connection.execute(f"PRAGMA table_xinfo({table})")
+    return {name: (str(kind).upper(), key) for _, name, kind, _, _, key, hidden in rows if not hidden}
+
+
+def _check_messages(connection: sqlite3.Connection) -> None:
+    """Raises ValueError unless messages can be read in the order of their ids as they lie there."""
+    columns = _columns(connection, "messages")
+    missing = {"id", "topic_id", "timestamp", "data"} - columns.keys()
+    keys = [name for name, (_, key) in columns.items() if key]
+    if missing or keys != ["id"] or columns["id"][0] != "INTEGER":
+        raise ValueError("messages is not the table that rosbag2 makes")
+
+
+def _channels(connection: sqlite3.Connection, damage: Damage) -> dict[int, Channel]:
+    columns = _columns(connection, "topics")
+    if missing := {"id", "name", "type", "serialization_format"} - columns.keys():
+        raise ValueError(f"topics lacks {', '.join(sorted(missing))}")
     qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
     definitions: dict[str, tuple[str, str]] = {}
-    with suppress(sqlite3.Error):
-        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    with suppress(sqlite3.Error, ValueError):
+        _columns(connection, "message_definitions")
+        query = f"SELECT topic_type, encoding, encoded_message_definition FROM message_definitions LIMIT {MAX_TOPICS}"
         definitions = {str(name): (str(text), str(encoding)) for name, encoding, text in connection.execute(query)}
-    rows = connection.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics").fetchall()
-    return {
-        number: Channel(topic, msgtype, encoding, *definitions.get(msgtype, ("", "")), str(profile or ""))
-        for number, topic, msgtype, encoding, profile in rows
+    query = f"SELECT id, name, type, serialization_format, {qos} FROM topics LIMIT {MAX_TOPICS}"
+    found = {
+        number: damage.channel(topic, msgtype, encoding, *definitions.get(msgtype, ("", "")), str(profile or ""))
+        for number, topic, msgtype, encoding, profile in connection.execute(query)
         if isinstance(number, int) and all(isinstance(cell, str) for cell in (topic, msgtype, encoding))
     }
+    return {number: channel for number, channel in found.items() if channel is not None}

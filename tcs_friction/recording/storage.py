@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import bz2
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+import numpy as np
 from lz4.frame import LZ4FrameDecompressor
+from numpy.typing import NDArray
 
+from tcs_friction.errors import printable
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import counted
+from tcs_friction.recording.definitions import Channel
 
 if sys.version_info >= (3, 14):
     from compression import zstd as zstd
@@ -20,12 +26,24 @@ BLOCK = 1 << 22
 """Bytes read from a file at a time."""
 
 MAX_CHUNK = 1 << 28
-"""Bytes a chunk may claim to unpack to; `ros2 bag` writes chunks of a few MB."""
+"""Bytes of a chunk or message, packed or not; `ros2 bag` writes chunks of a few MB."""
 
-MAX_RATIO = 1000
-"""Small chunks may not claim to unpack to more than this many times their size; real ones reach 20."""
+MAX_TOPICS = 2048
+"""Topics of one file; large robots have some hundreds."""
+
+MAX_NAME = 256
+"""Characters of a topic's and of a type's name; DDS takes no longer ones."""
+
+MAX_QOS = 1 << 16
+"""Characters of a topic's quality of service; a publisher takes about 300."""
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+DECODERS: dict[str, Callable[[], Any]] = {
+    "lz4": LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor, "bz2": bz2.BZ2Decompressor
+}  # fmt: skip
+BROKEN = (RuntimeError, zstd.ZstdError, ValueError, EOFError, OSError)
+"""What decoders raise for bytes that they cannot have made."""
 
 
 @dataclass
@@ -46,6 +64,16 @@ class Damage:
         else:
             self.lost_messages += lost_messages
 
+    def channel(
+        self, topic: str, msgtype: str, encoding: str, definition: str, definition_encoding: str, qos: str = ""
+    ) -> Channel | None:
+        """A topic as a file describes it, with control characters shown; None for names that no topic can have."""
+        if max(map(len, (topic, msgtype, encoding, definition_encoding))) > MAX_NAME:
+            self.add(f"names of topics or types longer than {MAX_NAME} characters")
+            return None
+        topic, msgtype, encoding = map(printable, (topic, msgtype, encoding))
+        return Channel(topic, msgtype, encoding, definition, definition_encoding, qos if len(qos) <= MAX_QOS else "")
+
     def __bool__(self) -> bool:
         return bool(self.kinds)
 
@@ -61,6 +89,14 @@ class Damage:
         return f"damaged: {what}; lost: {' and '.join(lost) or 'nothing'}"
 
 
+def by_number(numbers: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Each number met, with the places where it stands."""
+    order = np.argsort(numbers, kind="stable")
+    edges = np.flatnonzero(np.diff(numbers[order])) + 1
+    for places in np.split(order, edges) if len(order) else []:
+        yield int(numbers[places[0]]), places
+
+
 class UnpackError(Exception):
     """A compressed block that is broken; `partial` is what came out before the break."""
 
@@ -69,35 +105,34 @@ class UnpackError(Exception):
         self.partial = partial
 
 
-def unpack(data: bytes | memoryview, compression: str, size: int) -> bytes:
-    """Decompress a block (`lz4`, `zstd` or "") that says it becomes `size` bytes, never allocating much more.
+def unpack(data: bytes | memoryview, compression: str, size: int, allowance: Allowance) -> bytes:
+    """Decompress a block (`lz4`, `zstd`, `bz2` or "") that says it becomes `size` bytes, never allocating much more.
 
-    Raises UnpackError, with what could be had, when it does not.
+    Raises UnpackError, with what could be had, when it does not or the allowance has no such room left.
     """
     if compression == "":
         if len(data) != size:
             raise UnpackError("wrong size", bytes(data))
         return bytes(data)
-    if compression not in ("lz4", "zstd"):
+    if compression not in DECODERS:
         raise UnpackError(f"unknown compression {compression!r}")
-    if size > MAX_CHUNK or size > MAX_RATIO * len(data) + BLOCK:
+    if size > MAX_CHUNK or not allowance.unpack(size):
         raise UnpackError("impossible size")
-    decoder = LZ4FrameDecompressor() if compression == "lz4" else zstd.ZstdDecompressor()
-    whole = _in_one(decoder.decompress, data, size)
+    whole = _in_one(DECODERS[compression]().decompress, data, size)
     return whole if whole is not None else _in_pieces(data, compression, size)
 
 
 def _in_one(decompress: Callable[..., bytes], data: bytes | memoryview, size: int) -> bytes | None:
     try:
         raw = decompress(data, size + 1)
-    except (RuntimeError, zstd.ZstdError, ValueError):
+    except BROKEN:
         return None
     return raw if len(raw) == size else None
 
 
 def _in_pieces(data: bytes | memoryview, compression: str, size: int) -> bytes:
     """The slow way for damaged blocks, which keeps what comes out before the damage."""
-    decoder = LZ4FrameDecompressor() if compression == "lz4" else zstd.ZstdDecompressor()
+    decoder = DECODERS[compression]()
     parts: list[bytes] = []
     total = 0
     for at in range(0, len(data), 1 << 14):
@@ -110,18 +145,18 @@ def _in_pieces(data: bytes | memoryview, compression: str, size: int) -> bytes:
                 piece = b""
                 if decoder.needs_input or not part:
                     break
-        except (RuntimeError, zstd.ZstdError, ValueError, EOFError):
+        except BROKEN:
             break
     raise UnpackError("broken compression", b"".join(parts)[:size])
 
 
-def unpack_file(packed: BinaryIO, out: BinaryIO) -> bool:
-    """Unpack a zstd file of one or more frames; False if it is cut or broken, with what came before that in `out`."""
+def unpack_file(packed: BinaryIO, out: BinaryIO, allowance: Allowance) -> bool:
+    """Unpack a zstd file of one or more frames; False if it is cut, broken or unpacks to too much, with what came in `out`."""
     decoder, piece = zstd.ZstdDecompressor(), packed.read(1 << 16)
     try:
         while piece or not decoder.needs_input:
-            if out.write(decoder.decompress(piece, BLOCK)) and out.tell() > MAX_RATIO * packed.tell() + BLOCK:
-                return False  # no recording shrinks like that
+            if not allowance.unpack(out.write(decoder.decompress(piece, BLOCK))):
+                return False
             if decoder.eof:
                 piece = decoder.unused_data or packed.read(1 << 16)
                 if not piece:

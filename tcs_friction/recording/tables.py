@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from tcs_friction.errors import InputError, JobError, nearest
+from tcs_friction.errors import InputError, nearest
+from tcs_friction.recording import units
 from tcs_friction.recording.align import align
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import OPTIONAL, REQUIRED, SignalMap, SignalSource
+from tcs_friction.recording.table_files import read_csv, read_parquet, write_csv, write_parquet
+from tcs_friction.recording.units import Named
 from tcs_friction.recording.write import EPOCH
 
 ROTARY = {"position": "rad", "velocity": "rad/s", "torque": "N m", "reference": "rad"}
@@ -33,15 +34,6 @@ NAMES = {
     "reference": ("reference", "setpoint", "target", "desired"),
 }
 """What a column of a spreadsheet may be called, in any case, with the unit in brackets or behind an underscore."""
-
-TO_SI: dict[str, float] = {
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0,
-    "rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "arcmin": np.pi / 10800, "arcsec": np.pi / 648000, "rev": 2 * np.pi,
-    "rad/s": 1.0, "deg/s": np.pi / 180, "arcsec/s": np.pi / 648000, "rpm": np.pi / 30,
-    "m": 1.0, "mm": 1e-3, "um": 1e-6, "m/s": 1.0, "mm/s": 1e-3,
-    "nm": 1.0, "mnm": 1e-3, "knm": 1e3, "n": 1.0, "kn": 1e3, "degc": 1.0, "c": 1.0, "k": 1.0,
-}  # fmt: skip
-"""Factor to SI units by unit in lower case and without blanks; `nm` is the newton metre."""
 
 _HEAD = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
 
@@ -60,7 +52,7 @@ def export_table(recording: Recording, path: Path, kind: str = "rotary") -> None
     Raises InputError for another suffix, JobError if Parquet is not installed. Nothing half-written bears the name.
     """
     columns = dict(named_columns(recording, kind))
-    writers: dict[str, Callable[[Mapping[str, np.ndarray], Path], None]] = {".csv": _to_csv, ".parquet": _to_parquet}
+    writers: dict[str, Callable[[Mapping[str, np.ndarray], Path], None]] = {".csv": write_csv, ".parquet": write_parquet}
     writer = writers.get(path.suffix.lower())
     if writer is None:
         raise InputError(str(path), f"suffix {path.suffix!r}", ".csv or .parquet")
@@ -91,46 +83,52 @@ def named_columns(recording: Recording, kind: str) -> Iterator[tuple[str, np.nda
     yield "segment", segment
 
 
-def _to_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        count = len(next(iter(columns.values())))
-        for start in range(0, count, 1 << 16):
-            writer.writerows(zip(*(values[start : start + (1 << 16)].tolist() for values in columns.values()), strict=True))
+def import_table(
+    path: Path, joint: str, chosen: Mapping[str, str], signals: SignalMap | None = None, kind: str | None = None
+) -> Imported:
+    """Read .csv or .parquet. `chosen`: signal -> column, for columns whose name says too little or that are several.
 
-
-def _to_parquet(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    parquet = _parquet(path)
-    import pyarrow
-
-    parquet.write_table(pyarrow.table({name: pyarrow.array(values) for name, values in columns.items()}), path)
-
-
-def _parquet(path: Path) -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        raise JobError(str(path), "Parquet needs the package pyarrow", "pip install pyarrow, or .csv") from None
-    return pyarrow.parquet
-
-
-def import_table(path: Path, joint: str, chosen: Mapping[str, str], signals: SignalMap | None = None) -> Imported:
-    """Read .csv or .parquet. `chosen`: signal -> column, for columns whose name says too little.
-
-    Columns that are no signal become exogenous signals. Bad rows are handled as those of a bag are. Raises
-    InputError naming what is missing.
+    Columns that are no signal become exogenous signals. kind: of the axis, `rotary` or `linear`, None where only the units
+    tell. Bad rows are handled as those of a bag are. Raises InputError naming what is missing, ambiguous or in a wrong unit.
     """
+    where = str(path)
     if not path.exists():
-        raise InputError(str(path), "does not exist", "a .csv or .parquet file")
-    table = _from_parquet(path) if path.suffix.lower() == ".parquet" else _from_csv(path)
-    roles = _roles(table, chosen, str(path))
-    notes: list[str] = []
-    values = {name: _in_si(table, column, str(path), notes) for name, column in roles.items()}
-    others = {_token(column): table[column] for column in table if column not in roles.values() and column != "segment"}
+        raise InputError(where, "does not exist", "a .csv or .parquet file")
+    if not path.is_file():
+        raise InputError(where, "is no regular file", "a .csv or .parquet file")
+    table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_csv(path)
+    notes = list(table.notes)
+    roles = _roles(table.columns, chosen, where, notes)
+    named = [Named(name, column, "s" if column in table.seconds else _split(column)[1]) for name, column in roles.items()]
+    conversions = units.conversions(named, where, kind)
+    for item in named:
+        if item.unit in units.WITHOUT:
+            notes.append(f"column {item.column!r} has no unit, taken as SI")
+    values = {name: units.converted(table.columns[column], conversions[name]) for name, column in roles.items()}
+    others = _others(table.columns, roles, where)
     if signals is None:
         signals = default_signals(joint, tuple(values), tuple(others))
+    elif unused := [name for name in others if name not in signals.exogenous]:
+        notes.append(f"not among the axis file's exogenous signals, left out: {', '.join(unused)}")
     return Imported(_recording(path, values, others, signals, notes), signals)
+
+
+def _others(columns: Mapping[str, Column], roles: Mapping[str, str], where: str) -> dict[str, Column]:
+    """The columns that play no part, by the names of their topics; those of a signal's further columns are left out."""
+    origins: dict[str, str] = {}
+    for column in columns:
+        if column == "segment" or _signal(column):
+            continue
+        if column in roles.values():
+            continue
+        token = _token(column)
+        if token in NAMES:
+            raise InputError(where, f"column {column!r} would be a second signal named {token}", "another column name")
+        if token in origins:
+            found = f"columns {origins[token]!r} and {column!r} would both be signal {token}"
+            raise InputError(where, found, "names that differ in letters or digits")
+        origins[token] = column
+    return {token: columns[column] for token, column in origins.items()}
 
 
 def _recording(
@@ -167,89 +165,53 @@ def default_signals(joint: str, names: Iterable[str], others: Iterable[str]) -> 
     return SignalMap(**known, exogenous={name: SignalSource(f"/{name}", "vector.x") for name in others})
 
 
-def _roles(table: Mapping[str, Column], chosen: Mapping[str, str], where: str) -> dict[str, str]:
-    """Which column plays which part: as chosen, else by its name."""
+def _roles(columns: Mapping[str, Column], chosen: Mapping[str, str], where: str, notes: list[str]) -> dict[str, str]:
+    """Which column plays which part: as chosen, else by its name. Two columns for one part are refused unless one is chosen."""
     roles: dict[str, str] = {}
     for name, column in chosen.items():
         if name not in NAMES:
             raise InputError(where, f"no signal {name!r}", nearest(name, NAMES))
-        if column not in table:
-            raise InputError(where, f"no column {column!r}", nearest(column, table))
+        if column not in columns:
+            raise InputError(where, f"no column {column!r}", nearest(column, columns))
+        if column in roles.values():
+            raise InputError(where, f"column {column!r} chosen for two signals", "a column for each")
         roles[name] = column
-    for name, words in NAMES.items():
-        matches = [column for column in table if _split(column)[0] in words and column not in roles.values()]
-        if name not in roles and matches:
+    for name in NAMES:
+        matches = [column for column in columns if _signal(column) == name and column not in roles.values()]
+        if name in roles:
+            notes.extend(f"column {column!r} left out: {name} is {roles[name]!r}" for column in matches)
+        elif len(matches) > 1:
+            found = f"{len(matches)} columns for {name}: {' and '.join(map(repr, matches))}"
+            raise InputError(where, found, f"one, or --column {name}=COLUMN")
+        elif matches:
             roles[name] = matches[0]
     for name in ("time", *REQUIRED):
         if name not in roles:
-            expected = f"a column of that name, or --column {name}=COLUMN with one of {', '.join(table)}"
+            expected = f"a column of that name, or --column {name}=COLUMN with one of {', '.join(columns)}"
             raise InputError(where, f"no {name}", expected)
     return roles
 
 
+def _signal(column: str) -> str | None:
+    """The signal that a column's name says, None if it says none."""
+    return next((name for name, words in NAMES.items() if _split(column)[0] in words), None)
+
+
 def _split(column: str) -> tuple[str, str]:
-    """Name and unit of a column, both in lower case: `Angle [deg]`, `angle (deg)`, `angle_deg`."""
+    """Name in lower case and unit of a column: `Angle [deg]`, `angle (deg)`, `angle_deg`."""
     match = _HEAD.fullmatch(column)
     assert match is not None  # every text matches
-    name, unit = match[1].lower(), (match[2] or "").lower().replace(" ", "").replace("*", "").replace("°", "deg")
+    name, unit = match[1].lower(), units.spelled(match[2] or "")
     known = {word for words in NAMES.values() for word in words}
     if not unit and name not in known:
-        head, _, tail = name.partition("_")
-        tail = tail.replace("_per_", "/")
-        if head in known and tail in TO_SI:
-            return head, tail
+        head, _, tail = match[1].partition("_")
+        tail = units.spelled(tail.replace("_per_", "/"))
+        if head.lower() in known and units.is_unit(tail):
+            return head.lower(), tail
     return name, unit
-
-
-def _in_si(table: Mapping[str, Column], column: str, where: str, notes: list[str]) -> Column:
-    _, unit = _split(column)
-    if unit in ("", "1"):
-        notes.append(f"column {column!r} has no unit, taken as SI")
-        return table[column]
-    if unit not in TO_SI:
-        raise InputError(where, f"unit {unit!r} of column {column!r}", nearest(unit, TO_SI))
-    return table[column] * TO_SI[unit]
 
 
 def _token(column: str) -> str:
     """A column's name as a name of a topic: letters, digits and underscores, not a digit first."""
     name = re.sub(r"\W+", "_", _split(column)[0], flags=re.ASCII).strip("_") or "column"
     return f"x_{name}" if name[0].isdigit() else name
-
-
-def _from_parquet(path: Path) -> dict[str, Column]:
-    try:
-        table = _parquet(path).read_table(path)
-        return {name: table[name].to_numpy().astype(np.float64) for name in table.column_names}
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(str(path), f"cannot be read ({' '.join(str(error).split())})", "a Parquet file of numbers") from None
-
-
-def _from_csv(path: Path) -> dict[str, Column]:
-    """Columns of a text table; , ; or tab between cells, decimal comma with the last two; cells that are no number are NaN."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot be read ({error})", "a text table") from None
-    lines = [line for line in lines if line.strip() and not line.startswith("#")]
-    if len(lines) < 2:
-        raise InputError(str(path), f"{len(lines)} lines", "a line of column names and rows of numbers")
-    delimiter = max(",;\t", key=lines[0].count)
-    names = [name.strip() for name in next(csv.reader([lines[0]], delimiter=delimiter))]
-    if len(set(names)) < len(names):
-        raise InputError(str(path), "columns with the same name", "a name for each column")
-    rows = csv.reader((line.replace(",", ".") if delimiter != "," else line for line in lines[1:]), delimiter=delimiter)
-    table = np.full((len(lines) - 1, len(names)), np.nan)
-    for number, row in enumerate(rows):
-        if len(row) != len(names):
-            raise InputError(f"{path}: row {number + 2}", f"{len(row)} cells", f"{len(names)} as in the first line")
-        for place, cell in enumerate(row):
-            table[number, place] = _number(cell)
-    return {name: np.ascontiguousarray(table[:, place]) for place, name in enumerate(names) if name}
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan

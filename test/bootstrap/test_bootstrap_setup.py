@@ -87,6 +87,14 @@ def test_the_environments_own_python_is_left_before_it_may_be_deleted(
     assert called[0] == ("/usr/bin/base", ["/usr/bin/base", str(checkout / "tcs"), *sys.argv[1:]])
 
 
+def alive(process: int) -> bool:
+    """Whether a process runs, and is not one that waits to be collected."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
 def test_node_command_names_missing_compiler(checkout: Path) -> None:
     result = run(checkout, "demo")
     assert result.returncode == 1
@@ -203,32 +211,39 @@ def test_applying_the_environment_twice_changes_nothing_more(checkout: Path) -> 
     assert module.apply_environment(environment, once) == once
 
 
-def test_termination_during_the_set_up_ends_the_child_and_leaves_no_record(checkout: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_whatever_ends_the_set_up_ends_its_child_and_leaves_no_record(number: signal.Signals, checkout: Path) -> None:
     slow = checkout / "slow.py"
     pid_file = checkout / "pid"
     slow.write_text(
-        "import os, runpy, signal, sys\n"
-        "signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))\n"
-        f"run_stage = runpy.run_path({str(checkout / 'tcs')!r})['run_stage']\n"
-        f"run_stage(1, 'slow', ['sh', '-c', 'echo $$ > {pid_file}; sleep 60'], dict(os.environ))\n"
+        "import os, runpy\n"
+        f"tcs = runpy.run_path({str(checkout / 'tcs')!r})\n"
+        "tcs['end_on_signals']()\n"
+        f"tcs['run_stage'](1, 'slow', ['sh', '-c', 'echo $$ > {pid_file}; sleep 60'], dict(os.environ))\n"
     )
     child = subprocess.Popen([sys.executable, str(slow)], stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 20.0
     while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < deadline:
         time.sleep(0.01)
-    child.send_signal(signal.SIGTERM)
-    assert child.wait(timeout=20) == 143
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(pid_file.read_text()), 0)
+    child.send_signal(number)
+    orderly = number in (signal.SIGTERM, signal.SIGHUP)
+    assert child.wait(timeout=20) == (128 + number if orderly else -number)
+    while time.monotonic() < deadline and alive(int(pid_file.read_text())):
+        time.sleep(0.01)
+    assert not alive(int(pid_file.read_text()))
     assert not (checkout / ".tcs/environment.json").exists()
 
 
-def test_optimisers_to_compare_with_are_pinned_and_installed_once(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("words", "group"),
+    [(["bench", "identify"], "bench"), (["bench"], "bench"), (["node", "dynamometer", "--ros-args"], "hardware")],
+)
+def test_optional_sets_are_pinned_and_installed_once(
+    words: list[str], group: str, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     module = load(checkout / "tcs")
     pinned = {line.partition("==")[0] for line in module.constraints().splitlines()}
-    wanted = (checkout / "requirements/bench.txt").read_text().splitlines()
+    wanted = (checkout / f"requirements/{group}.txt").read_text().splitlines()
     assert {line for line in wanted if not line.startswith("#")} <= pinned
     calls: list[str] = []
 
@@ -237,8 +252,49 @@ def test_optimisers_to_compare_with_are_pinned_and_installed_once(
         raise module.SetupError("no network")
 
     monkeypatch.setattr(module, "run_stage", offline)
-    module.install_peers()
+    module.install_optional(words)
     assert "no network; going on without" in capsys.readouterr().err
-    (checkout / ".tcs/venv/peers.stamp").write_text(module.packages_fingerprint())
-    module.install_peers()
+    (checkout / f".tcs/venv/{group}.stamp").write_text(module.packages_fingerprint())
+    module.install_optional(words)
+    module.install_optional(["identify", "bag"])
     assert len(calls) == 1
+
+
+def test_a_set_up_that_was_interrupted_goes_on_from_the_stage(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C in each stage in turn: what was finished before is not made again, what was half made is."""
+    module = load(checkout / "tcs")
+    (checkout / ".tcs/venv/packages.stamp").unlink()
+    monkeypatch.setattr(module, "check_compilers", lambda: None)
+    stages: list[int] = []
+    half_made = [module.HOME / "build/half", module.INSTALL / "half"]
+
+    def interrupted(number: int, *_: object) -> None:
+        stages.append(number)
+        if number == 4:
+            for folder in half_made:
+                assert not folder.exists() or stages.count(4) == 1
+                folder.mkdir(parents=True, exist_ok=True)
+        module.VENV.mkdir(parents=True, exist_ok=True)
+        if stages.count(number) == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "run_stage", interrupted)
+    for _ in range(4):
+        with pytest.raises(KeyboardInterrupt):
+            module.set_up("demo")
+    module.set_up("demo")
+    assert stages == [1, 1, 2, 2, 3, 3, 4, 4]
+    assert module.ENVIRONMENT.exists()
+
+
+def test_the_package_in_whose_middle_pip_was_ended_is_installed_again(checkout: Path) -> None:
+    module = load(checkout / "tcs")
+    packages = checkout / ".tcs/venv/lib/python3.11/site-packages"
+    for name, files in (("whole", ("METADATA", "INSTALLER")), ("half", ("METADATA",))):
+        (packages / f"{name}-1.dist-info").mkdir(parents=True)
+        for file in files:
+            (packages / f"{name}-1.dist-info" / file).touch()
+    module.drop_half_installed()
+    assert [path.name for path in packages.iterdir()] == ["whole-1.dist-info"]

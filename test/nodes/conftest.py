@@ -154,6 +154,11 @@ class Processes:
         self._processes[name].send_signal(signal.SIGKILL)
         self._processes.pop(name).wait()
 
+    def interrupt(self, name: str) -> int:
+        """As Ctrl-C does; the exit status."""
+        self._processes[name].send_signal(signal.SIGINT)
+        return self._processes.pop(name).wait(20.0)
+
     def alive(self, name: str) -> bool:
         return self._processes[name].poll() is None
 

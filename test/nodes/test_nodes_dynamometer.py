@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import os
 import pty
+import socket
 import termios
 import threading
 from collections.abc import Iterator
@@ -13,11 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import serial
+import serial.rfc2217
 from conftest import wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tcs_friction.errors import InputError, JobError
+from tcs_friction.nodes import serial_port
 from tcs_friction.nodes.dynamometer import DynamometerConfig
 from tcs_friction.nodes.gauge import LONGEST, PROTOCOLS, UNITS, GaugeError, newtons
 from tcs_friction.nodes.serial_port import SerialPort
@@ -104,7 +108,14 @@ def test_units_are_what_they_are() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [({"baud": 9601}, "baud"), ({"lever_arm": 0.0}, "lever_arm"), ({"protocol": "sauter", "poll": False}, "poll")],
+    [
+        ({"port": "spy:///dev/ttyUSB0?file=/tmp/x"}, "rfc2217://HOST:PORT"),
+        ({"port": "socket://lab"}, "socket://HOST:PORT"),
+        ({"port": "socket://lab:99999"}, "socket://HOST:PORT"),
+        ({"baud": 9601}, "baud"),
+        ({"lever_arm": 0.0}, "lever_arm"),
+        ({"protocol": "sauter", "poll": False}, "poll"),
+    ],
 )
 def test_settings_that_cannot_work_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
@@ -113,10 +124,39 @@ def test_settings_that_cannot_work_are_refused(changes: dict[str, Any], words: s
 
 def test_a_file_is_no_port(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(JobError, match="no serial port"):
+    with pytest.raises(JobError, match=r"cannot be opened .*Inappropriate ioctl"):
         SerialPort(str(tmp_path / "file"), 9600)
-    with pytest.raises(JobError, match="cannot be opened"):
+    with pytest.raises(JobError, match=r"cannot be opened \(No such file or directory\)"):
         SerialPort(str(tmp_path / "nothing"), 9600)
+    with pytest.raises(JobError, match=r"cannot be opened \(Connection refused\)"):
+        SerialPort("socket://127.0.0.1:1", 9600)
+
+
+def test_a_port_is_nobody_else_s(gauge: Any) -> None:
+    made = gauge("mecmesin")
+    first = SerialPort(str(made.name), 9600)
+    with pytest.raises(JobError, match="cannot be opened"):
+        SerialPort(str(made.name), 9600)
+    first.close()
+    SerialPort(str(made.name), 9600).close()
+
+
+def test_a_gauge_that_takes_nothing_does_not_hold_the_node_up() -> None:
+    """Requests that do not fit into the port's buffer are dropped."""
+    master, slave = pty.openpty()
+    port = SerialPort(os.ttyname(slave), 9600)
+    for _ in range(100):
+        port.write(bytes(1000))
+    assert port.read() == b""
+    port.close()
+    os.close(slave)
+    os.close(master)
+
+
+def test_without_pyserial_the_node_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial_port, "serial", None)
+    with pytest.raises(InputError, match=r"needs the package pyserial, expected \./tcs node dynamometer"):
+        DynamometerConfig().check()
 
 
 class Gauge:
@@ -150,6 +190,54 @@ class Gauge:
             while True:
                 self.requests.append(os.read(master, 64))
                 os.write(master, answer(self.protocol, self.force) if self.reply is None else self.reply)
+
+
+class WithoutModem(serial.Serial):  # type: ignore[misc]
+    """A serial port whose modem lines are nowhere: a pseudo-terminal has none."""
+
+    cts = dsr = ri = cd = False
+    dtr = rts = True
+
+
+class SerialServer:
+    """A serial port on the network, raw (socket) or by RFC 2217, for one client at a time, as a thread."""
+
+    def __init__(self, device: str, scheme: str, number: int = 0) -> None:
+        self._port = WithoutModem(device, timeout=0.01)
+        self._listening = socket.create_server(("127.0.0.1", number))
+        self._listening.settimeout(0.1)
+        self.number = self._listening.getsockname()[1]
+        self._scheme, self._open = scheme, True
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._open = False
+        self._thread.join(5.0)
+        self._listening.close()
+        self._port.close()
+
+    def _serve(self) -> None:
+        while self._open:
+            with contextlib.suppress(OSError):
+                client, _ = self._listening.accept()
+                client.settimeout(0.01)
+                with client:
+                    self._pass_on(client)
+
+    def _pass_on(self, client: socket.socket) -> None:
+        class Writer:
+            write = staticmethod(client.sendall)
+
+        manager = serial.rfc2217.PortManager(self._port, Writer()) if self._scheme == "rfc2217" else None
+        while self._open:
+            with contextlib.suppress(TimeoutError):
+                received = client.recv(1024)
+                if not received:
+                    return
+                self._port.write(b"".join(manager.filter(received)) if manager else received)
+            sent = self._port.read(100)
+            client.sendall(b"".join(manager.escape(sent)) if manager else sent)
 
 
 @pytest.fixture
@@ -232,3 +320,22 @@ def test_a_gauge_that_sends_by_itself_is_not_asked(gauge: Any, processes: Any, r
     assert wait_until(heard)
     assert readings[0].wrench.force.x == 7.5
     assert made.requests == []
+
+
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+def test_a_gauge_behind_a_serial_server(scheme: str, gauge: Any, processes: Any, listener: Any, readings: list[Any]) -> None:
+    """The server is real, on the loopback; it goes and comes back."""
+    made = gauge("imada")
+    server = SerialServer(str(made.name), scheme)
+    url = f"{scheme}://127.0.0.1:{server.number}"
+    processes.start("dynamometer", "-p", f"port:={url}", "-p", "protocol:=imada", "-p", "baud:=19200")
+    assert wait_until(lambda: len(readings) > 2), processes.log("dynamometer")
+    assert readings[-1].wrench.force.x == 12.5
+    if scheme == "rfc2217":
+        assert made.speed == termios.B19200
+    server.close()
+    assert wait_until(lambda: listener.health.get("dynamometer", (0, ""))[0] == WARN, 10.0)
+    count = len(readings)
+    server = SerialServer(str(made.name), scheme, server.number)
+    assert wait_until(lambda: len(readings) > count), processes.log("dynamometer")
+    server.close()

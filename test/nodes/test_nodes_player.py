@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+import struct
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,16 +15,19 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from conftest import wait_until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from benchmarks import hostile_bags as hostile
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.bag_topics import profiles_text
 from tcs_friction.nodes.executor import make_executor
 from tcs_friction.nodes.player import Pace, PlayerNode
+from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.encode import encoded
 from tcs_friction.recording.write import EPOCH, write_bag
 
@@ -177,3 +184,40 @@ def test_a_pace_stands_still_while_paused_and_stops_at_once() -> None:
     begin = time.monotonic()
     assert not pace.wait(10**12)
     assert time.monotonic() - begin < 2.0
+
+
+def test_a_bag_of_odd_names_and_times_is_played_as_far_as_it_goes(processes: Any, tmp_path: Path) -> None:
+    """A name that no topic can have, and a message 200 years on: the node goes on waiting, and obeys SIGINT."""
+    names = [hostile.topic(0, "/a b", "std_msgs/msg/Float64"), hostile.topic(1, "/a", "std_msgs/msg/Float64")]
+    number = b"\0\1\0\0" + bytes(8)
+    far = struct.pack("<HIQQ", 1, 0, 2**63 - 1, 2**63 - 1) + number
+    records = [hostile.message(0, 0, number), hostile.message(1, 1, number), hostile.record(5, far)]
+    bag = hostile.mcap(tmp_path / "odd", *names, *records)
+    processes.start("player", "-p", f"bag:={bag}", "-p", "delay:=0.0", "-p", "rate:=0.001", "-p", "clock_rate:=1.0")
+    assert wait_until(lambda: "/a b is not played" in processes.log("player"))
+    time.sleep(0.5)  # into the wait for the last message
+    assert processes.interrupt("player") == 0, processes.log("player")
+    assert "Traceback" not in processes.log("player")
+
+
+def test_a_node_in_the_middle_of_its_making_obeys_sigint(tmp_path: Path) -> None:
+    """A factory that reads for a long time, as one does that is given a large bag."""
+    begun = tmp_path / "begun"
+    code = (
+        "import pathlib, time\n"
+        "from tcs_friction.nodes.executor import run\n"
+        f"raise SystemExit(run(lambda: (pathlib.Path({str(begun)!r}).touch(), time.sleep(60))))\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    assert wait_until(begun.exists)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=30)
+    assert (child.returncode, said) == (0, "")
+
+
+def test_a_reading_in_another_thread_can_be_abandoned(tmp_path: Path) -> None:
+    bag = Bag(hostile.broken_runs(tmp_path / "bag", 50))
+    batches = bag.batches()
+    next(batches)
+    bag.abandon()
+    assert list(batches) == []

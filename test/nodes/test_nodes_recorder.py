@@ -191,6 +191,9 @@ def test_a_subscription_hears_the_least_reliable_publisher() -> None:
 def test_types_are_found_by_name() -> None:
     assert message_class("sensor_msgs/msg/JointState") is JointState
     assert message_class("no_such_msgs/msg/Thing") is None
+    sys.modules.pop("this", None)
+    assert message_class("this/msg/Thing") is None
+    assert "this" not in sys.modules, "a bag must not have any module imported"
     assert message_class("sensor_msgs/msg/Thing") is None
     assert "string[] name" in (installed_definition("sensor_msgs/msg/JointState") or "")
     assert installed_definition("no_such_msgs/msg/Thing") is None

@@ -21,38 +21,12 @@ from pathlib import Path
 
 from recording_samples import KINDS, SIGNALS, samples, write
 
+from benchmarks.hostile_bags import damaged
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 
 SLOW = 10.0  # s
 MEMORY = 1 << 30  # bytes beyond the start
-
-
-def damaged(data: bytes, chance: random.Random) -> bytes:
-    """The bytes cut, flipped, overwritten, shortened or lengthened in one to three ways."""
-    raw = bytearray(data)
-    for _ in range(chance.choice((1, 1, 1, 2, 3))):
-        if not raw:
-            break
-        at = chance.randrange(len(raw))
-        length = min(len(raw) - at, chance.choice((1, 4, 8, 100, 5000)))
-        how = chance.randrange(7)
-        if how == 0:
-            del raw[at:]
-        elif how == 1:
-            for _ in range(chance.choice((1, 1, 5, 50))):
-                raw[chance.randrange(len(raw))] ^= 1 << chance.randrange(8)
-        elif how == 2:
-            raw[at : at + length] = bytes(length)
-        elif how == 3:
-            raw[at : at + length] = b"\xff" * length
-        elif how == 4:
-            del raw[at : at + length]
-        elif how == 5:
-            raw[at:at] = raw[at : at + length]
-        else:
-            raw[at : at + length] = chance.randbytes(length)
-    return bytes(raw)
 
 
 def storage(bag: Path) -> list[Path]:

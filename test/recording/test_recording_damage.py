@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fuzz_recording import damaged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from recording_samples import KINDS, SIGNALS, Sample, samples, write
 
+from benchmarks.hostile_bags import damaged
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording

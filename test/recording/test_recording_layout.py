@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.decode import Batch, Decoder
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.layout import MalformedError, layout
@@ -107,6 +108,9 @@ def serialised(encoding: str, values: dict[str, Any]) -> bytes:
     return bytes(write(message, "t/msg/Mix"))
 
 
+ROOM = Allowance("bag", 1 << 20)
+
+
 def channel(encoding: str) -> Channel:
     definition, _ = STORES[encoding].generate_msgdef("t/msg/Mix", ros_version=2 if encoding == "cdr" else 1)
     return Channel("/mix", "t/msg/Mix" if encoding == "cdr" else "t/Mix", encoding, definition)
@@ -124,7 +128,7 @@ def batch_of(raws: list[bytes], encoding: str) -> Batch:
 @given(messages=st.lists(MESSAGES, min_size=1, max_size=12))
 def test_bulk_columns_are_the_fields_of_each_message(encoding: str, messages: list[dict[str, Any]]) -> None:
     batch = batch_of([serialised(encoding, values) for values in messages], encoding)
-    decoder = Decoder(batch.channel, [SignalSource("/mix", path) for path in FIELDS], "bag")
+    decoder = Decoder(batch.channel, [SignalSource("/mix", path) for path in FIELDS], "bag", ROOM)
     values, absent, stamps, good = decoder.decode(batch)
     assert good.all()
     assert stamps is not None
@@ -143,7 +147,7 @@ def test_big_endian_messages_decode() -> None:
         "numbers": [1.5, 2.5, 3.5], "words": ["a"], "single": 0.25, "three": (1, 2, 3), "seconds": 5, "last": -6,
     }  # fmt: skip
     raw = bytes(store.serialize_cdr(build(store, values), "t/msg/Mix", little_endian=False))
-    decoder = Decoder(channel("cdr"), [SignalSource("/mix", path) for path in FIELDS], "bag")
+    decoder = Decoder(channel("cdr"), [SignalSource("/mix", path) for path in FIELDS], "bag", ROOM)
     columns, _, stamps, _ = decoder.decode(batch_of([raw, raw], "cdr"))
     assert [None if np.isnan(v) else v for v in columns[:, 1]] == [expected(values, path) for path in FIELDS]
     assert stamps is not None
@@ -155,7 +159,7 @@ def test_definitions_in_idl_are_understood() -> None:
     raw = b"\0\1\0\0" + np.array([2, 0], "<u4").tobytes() + np.array([1.5, 2.5]).tobytes() + np.array([9], "<i4").tobytes()
     batch = batch_of([raw], "cdr")
     idl = Channel("/b", "a/msg/B", "cdr", text, "ros2idl")
-    values, _, stamps, good = Decoder(idl, [SignalSource("/b", "list[1]"), SignalSource("/b", "last")], "bag").decode(batch)
+    values, _, stamps, good = Decoder(idl, [SignalSource("/b", "list[1]"), SignalSource("/b", "last")], "bag", ROOM).decode(batch)
     assert good.all()
     assert stamps is None
     assert values[:, 0].tolist() == [2.5, 9.0]
@@ -167,7 +171,7 @@ def test_messages_that_do_not_fit_are_marked_and_the_rest_decoded() -> None:
         "numbers": [], "words": [], "single": 0.0, "three": (0, 0, 0), "seconds": 1, "last": 7,
     })  # fmt: skip
     raws = [good[:10], good, b"", good, b"\x00\x03\x00\x00" + good[4:], good[:-2]]
-    decoder = Decoder(channel("cdr"), [SignalSource("/mix", "last")], "bag")
+    decoder = Decoder(channel("cdr"), [SignalSource("/mix", "last")], "bag", ROOM)
     values, _, _, fits = decoder.decode(batch_of(raws, "cdr"))
     assert fits.tolist() == [False, True, False, True, False, False]
     assert values[0, fits].tolist() == [7.0, 7.0]
@@ -176,4 +180,4 @@ def test_messages_that_do_not_fit_are_marked_and_the_rest_decoded() -> None:
 def test_a_claim_of_more_elements_than_bytes_is_refused_at_once() -> None:
     types = {"a/msg/A": (("list", STORES["cdr"].fielddefs["t/msg/Mix"][1][6][1]),)}
     with pytest.raises(MalformedError, match="claims 4294967295 elements"):
-        layout(b"\x00\x01\x00\x00\xff\xff\xff\xff" + bytes(64), types, "a/msg/A", False, [Target(("list", 0))], None)
+        layout(b"\x00\x01\x00\x00\xff\xff\xff\xff" + bytes(64), types, "a/msg/A", False, [Target(("list", 0))], None, ROOM)

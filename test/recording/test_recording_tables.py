@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from tcs_friction import cli
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.table_files import read_csv
 from tcs_friction.recording.tables import export_table, import_table
 
 AXIS = f"""
@@ -82,7 +84,7 @@ def test_a_spreadsheet_in_other_units_and_commas(tmp_path: Path) -> None:
         ("t,position\n0,1\n1,2\n", {}, "no torque, expected a column of that name, or --column torque=COLUMN"),
         ("t,position,torque\n0,1\n", {}, "row 2: 2 cells, expected 3"),
         ("t,t,torque\n0,1,2\n", {}, "columns with the same name"),
-        ("t,position [furlong],torque\n0,1,2\n1,2,3\n", {}, "unit 'furlong'"),
+        ("t,position [furlong],torque\n0,1,2\n1,2,3\n", {}, "holds the position in 'furlong', expected one of rad"),
         ("t,a,b\n0,1,2\n1,2,3\n", {"position": "a", "torque": "c"}, "no column 'c', expected"),
         ("t,a,b\n0,1,2\n1,2,3\n", {"positon": "a"}, "no signal 'positon', expected position"),
         ("t,position,torque\nx,1,2\ny,2,3\n", {}, "0 messages with"),
@@ -171,3 +173,144 @@ def test_the_proposal_fits_the_shared_recordings(shared_data: Path) -> None:
             known = yaml.safe_load((folder / "axis.yaml").read_text())["signals"]
             proposed = bag_info(folder / "recording").signals
             assert {name: proposed[name] for name in known} == known
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("torque [N m]", "torque [mNm]"), "2 columns for torque: 'torque [N m]' and 'torque [mNm]', expected one, or --column"),
+        (("position [rad]", "angle [deg]", "torque"), "2 columns for position: 'position [rad]' and 'angle [deg]'"),
+        (("torque [s]",), "column 'torque [s]' holds the torque in 's', expected one of Nm, mNm, kNm"),
+        (("torque [MNm]",), "holds the torque in 'MNm', expected"),
+        (("position [rad]", "torque [N]"), "holds the torque in 'N', expected Nm"),
+        (("torque", "wind [m/s]", "wind (km/h)"), "columns 'wind [m/s]' and 'wind (km/h)' would both be signal wind"),
+        (("torque", "position!"), "column 'position!' would be a second signal named position"),
+    ],
+)
+def test_two_columns_for_one_signal_and_units_of_something_else_are_refused(
+    names: tuple[str, ...], said: str, tmp_path: Path
+) -> None:
+    columns = ["time [s]", *(() if any(name.startswith(("position [", "angle")) for name in names) else ("position",)), *names]
+    path = tmp_path / "two.csv"
+    path.write_text("\n".join([",".join(columns), *(",".join([str(row)] * len(columns)) for row in range(5))]))
+    with pytest.raises(InputError) as caught:
+        import_table(path, "axis", {})
+    assert said in str(caught.value)
+
+
+def test_of_two_columns_the_chosen_one_is_taken_and_the_other_named(tmp_path: Path) -> None:
+    path = tmp_path / "two.csv"
+    path.write_text("time [s],position [rad],torque [N m],torque [mNm]\n0,1,2,3\n1,2,3,4\n")
+    back = import_table(path, "axis", {"torque": "torque [mNm]"}).recording
+    assert back.torque.tolist() == [0.003, 0.004]
+    assert "column 'torque [N m]' left out: torque is 'torque [mNm]'" in back.notes
+    with pytest.raises(InputError, match="chosen for two signals"):
+        import_table(path, "axis", {"torque": "torque [mNm]", "position": "torque [mNm]"})
+    words = ["bag", "import", str(path), "-o", str(tmp_path / "bag"), "--column", "torque=a", "--column", "torque=b"]
+    assert cli.main(words) == 2
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "expected"),
+    [("K", 293.15, 20.0), ("degF", 68.0, 20.0), ("°C", 20.0, 20.0), ("C", 20.0, 20.0)],
+)
+def test_temperatures_have_other_zeros(unit: str, value: float, expected: float, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(f"time [s],position [rad],torque [N·m],temperature [{unit}]\n0,1,2,{value}\n1,2,3,{value}\n")
+    temperature = import_table(path, "axis", {}).recording.temperature
+    assert temperature is not None
+    assert temperature == pytest.approx(expected)
+
+
+def test_the_axis_file_says_which_kind_of_units(tmp_path: Path) -> None:
+    path = tmp_path / "linear.csv"
+    path.write_text("time [s],position [mm],force [kN]\n0,1,2\n1,2,3\n")
+    assert import_table(path, "axis", {}, kind="linear").recording.torque.tolist() == [2000.0, 3000.0]
+    with pytest.raises(InputError, match="holds the position in 'mm'"):
+        import_table(path, "axis", {}, kind="rotary")
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_dates_of_a_parquet_file_are_seconds(unit: str, tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    per_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    stamps = [1_700_000_000 * per_second + second * per_second for second in range(50)]
+    columns = {
+        "time": pyarrow.array(stamps, pyarrow.timestamp(unit, tz="UTC")),
+        "position": pyarrow.array(range(50)),
+        "torque": pyarrow.array([1.5] * 50),
+        "comment": pyarrow.array(["x"] * 50),
+    }
+    path = tmp_path / "dates.parquet"
+    parquet.write_table(pyarrow.table(columns), path)
+    back = import_table(path, "axis", {}).recording
+    assert back.duration == 49.0
+    assert "column 'comment' holds no numbers (string), left out" in back.notes
+    with pytest.raises(InputError, match="holds the torque in 's'"):
+        import_table(path, "axis", {"torque": "time", "time": "position", "position": "torque"})
+
+
+def test_a_parquet_file_that_unpacks_to_a_flood_is_refused(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    path = tmp_path / "flood.parquet"
+    zeros = pyarrow.array(np.zeros(4_000_000))
+    parquet.write_table(pyarrow.table({f"c{n}": zeros for n in range(4)}), path)
+    assert path.stat().st_size < 200_000
+    with pytest.raises(InputError, match="unpacks to at most 100 times its size"):
+        import_table(path, "axis", {})
+
+
+@pytest.mark.parametrize("head", ["a," * 5000, "a" * 300, '"' + "a" * 200_000])
+def test_absurd_heads_are_refused(head: str, tmp_path: Path) -> None:
+    path = tmp_path / "head.csv"
+    path.write_text(head + "\n1,2\n")
+    with pytest.raises(InputError):
+        import_table(path, "axis", {})
+
+
+def test_a_table_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match="is no regular file"):
+        import_table(tmp_path / "pipe.csv", "axis", {})
+
+
+def test_no_cell_is_a_formula(tmp_path: Path) -> None:
+    """What a spreadsheet would run is quoted, and read back under its own name; numbers stay numbers."""
+    t = np.arange(5.0)
+    evil = '=HYPERLINK("http://example.org")'
+    export_table(Recording(t, -t, t, exogenous={evil: t, "@SUM(1)": t, "+1": t, "-1": t}), tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(newline="") as stream:
+        head, *rows = csv.reader(stream)
+    assert not [cell for cell in head if cell.startswith(("=", "+", "-", "@"))]
+    assert f"'{evil}" in head
+    assert rows[1][1] == "-1.0"
+    assert evil in read_csv(tmp_path / "a.csv").columns
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_no_command_writes_over_its_input(link: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own, bag = tmp_path / "own", write("mcap", tmp_path / "bag", samples(50))
+    own.mkdir()
+    text = AXIS + "# the user's own comment\n"
+    given = own / "axis.yaml"
+    given.write_text(text)
+    if link:
+        given = tmp_path / "linked.yaml"
+        given.symlink_to(own / "axis.yaml")
+    for command in ("identify", "diagnose", "calibrate"):
+        assert cli.main([command, str(bag), "--axis", str(given), "-o", str(own)]) == 2
+        assert f"would be written over the input {given}" in capsys.readouterr().err
+    (own / "report.html").write_text(text)
+    assert cli.main(["response", str(bag), "--axis", str(own / "report.html"), "-o", str(own)]) == 2
+    table = tmp_path / "axis.csv"
+    table.write_text(text)
+    assert cli.main(["bag", "export", str(bag), "--axis", str(table), "-o", str(table)]) == 2
+    inside = bag / "metadata.csv"
+    (bag / "metadata.yaml").rename(inside)
+    assert cli.main(["bag", "export", str(bag), "--axis", str(given), "-o", str(inside)]) == 2
+    assert [path.read_text() for path in (own / "axis.yaml", own / "report.html", table)] == [text] * 3
+    assert sorted(path.name for path in own.iterdir()) == ["axis.yaml", "report.html"]
