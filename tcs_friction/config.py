@@ -30,6 +30,7 @@ from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import Instance, Table, instance
 from tcs_friction.recording.signals import SignalMap
+from tcs_friction.writable import writing
 
 T = TypeVar("T")
 
@@ -317,10 +318,16 @@ def save_axis(path: Path, file: AxisFile, comment: str = "") -> None:
 
 def write_whole(path: Path, text: str) -> None:
     """Write a text file through a temporary name, so that nothing half-written is left under the final one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """The same for any content; JobError names the file where the system refuses it."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.write_bytes(content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)

@@ -37,6 +37,12 @@ class JobError(TcsError):
     """The input was fine and the job ran, but could not do what was asked. Exit status 1."""
 
 
+def refusal(error: OSError) -> JobError:
+    """What the system refused, in one line."""
+    named = error.filename or error.filename2
+    return JobError(str(named) if named is not None else "system", error.strerror or str(error))
+
+
 @contextmanager
 def writing_into(directory: Path) -> Iterator[None]:
     """Makes the directory; what the system then refuses to have written there is an InputError that names it."""

@@ -35,6 +35,7 @@ from tcs_friction.nodes.qos import LATCHED
 from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.runs import Run, RunCollector
 from tcs_friction.report.commission import CommissionResult
+from tcs_friction.writable import output_directory
 
 SWITCHES = (("dob", "switch1"), ("identifier", "switch2"), ("lugre_compensator", "switch3"))
 MODES = {
@@ -104,7 +105,7 @@ class Commission(AxisNode[CommissionConfig]):
 
     async def _commission(self, goal: Any, answer: Any, progress: Progress) -> str:
         rounds = goal.repetitions or self.config.repetitions
-        directory = Path(goal.directory) if goal.directory else None
+        directory = output_directory(goal.directory) if goal.directory else None
         steps = _Steps(progress, 1 + 3 * rounds)
         self.runs.clear()
         began = time.monotonic()

@@ -23,6 +23,7 @@ from tcs_friction.nodes.qos import COLLECT
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.diagnosis_files import write_diagnosis
+from tcs_friction.writable import output_directory
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
             self.health.ticks += 1
 
     async def _diagnose(self, request: Any, answer: Any, progress: Progress) -> str:
+        directory = output_directory(request.directory) if request.directory else None
         file = load_axis(config_file(request.axis)) if request.axis else self.file
         recordings = self._recordings(request, file)
 
@@ -66,8 +68,8 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
             progress.tell(progress=float(share), stage=stage)
 
         found = await self._waiter.in_thread(lambda: diagnose(recordings, file, progress=tell))
-        if request.directory:
-            await self._waiter.in_thread(lambda: write_diagnosis(Path(request.directory), found))
+        if directory is not None:
+            await self._waiter.in_thread(lambda: write_diagnosis(directory, found))
         answer.verdict, answer.statement = found.verdict, found.statement
         answer.effects = [item.effect for item in found.effects]
         return found.statement

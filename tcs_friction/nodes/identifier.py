@@ -34,6 +34,7 @@ from tcs_friction.nodes.qos import COLLECT, LATCHED
 from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.wire import ESTIMATE
 from tcs_friction.recording.bags import read_recordings
+from tcs_friction.writable import output_directory
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,7 @@ class Identifier(AxisNode[IdentifierConfig]):
             self.health.ticks += 1
 
     async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:
+        directory = output_directory(request.directory) if request.directory else None
         file = load_axis(config_file(request.axis)) if request.axis else self.file
         data, source = self._data(request, file)
         believed = replace(file.axis, effects=()) if isinstance(data[0], FrictionSeries) else file.axis
@@ -109,8 +111,8 @@ class Identifier(AxisNode[IdentifierConfig]):
             raise JobError("identification", f"coulomb is not determined: {found.parameters['coulomb'].reason}")
         message = lugre_parameters(found, source, self.get_clock())
         answer.parameters, answer.rmse = message, found.rmse.train
-        if request.directory:
-            write_result(Path(request.directory), replace(file, axis=believed), found)
+        if directory is not None:
+            write_result(directory, replace(file, axis=believed), found)
         self._publisher.publish(message)
         size = f"{found.parameters['coulomb'].value:.4g}, static {found.parameters['static'].value:.4g}"
         return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms, from {source}"
