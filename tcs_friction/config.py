@@ -31,6 +31,7 @@ from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import Instance, Table, instance
 from tcs_friction.recording.signals import SignalMap
 from tcs_friction.writable import writing
+from tcs_friction.yaml_files import load_yaml
 
 T = TypeVar("T")
 
@@ -93,20 +94,6 @@ def shipped(name: str) -> Path:
         if (folder / name).is_file():
             return folder / name
     raise InputError(name, "not in the config folder", f"one of the files in {folders[0]}")
-
-
-def load_yaml(path: Path) -> Mapping[str, Any]:
-    """A YAML file whose top level is a mapping; InputError in one line otherwise."""
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(str(path), "no such file", "a YAML file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot be read ({error})", "a YAML file") from None
-    except yaml.YAMLError as error:
-        problem = " ".join(str(error).split())
-        raise InputError(str(path), f"is not YAML ({problem})") from None
-    return mapping(content, str(path))
 
 
 def mapping(value: object, where: str, keys: tuple[str, ...] = ()) -> Mapping[str, Any]:

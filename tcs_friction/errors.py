@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MOST_LISTED = 40
+MOST_SHOWN = 2000
+"""Characters of a message; what is longer is cut in the middle, where it quotes a file."""
 
 
 class TcsError(Exception):
@@ -24,7 +26,7 @@ class TcsError(Exception):
         self.found = found
         self.expected = expected
         parts = [found, f"expected {expected}"] if expected else [found]
-        super().__init__(f"{where}: {', '.join(parts)}".replace("\n", " "))
+        super().__init__(one_line(f"{where}: {', '.join(parts)}"))
 
 
 class InputError(TcsError):
@@ -37,10 +39,24 @@ class JobError(TcsError):
     """The input was fine and the job ran, but could not do what was asked. Exit status 1."""
 
 
-def refusal(error: OSError) -> JobError:
-    """What the system refused, in one line."""
-    named = error.filename or error.filename2
-    return JobError(str(named) if named is not None else "system", error.strerror or str(error))
+def printable(text: str) -> str:
+    """The text with control characters shown as escapes, so that a terminal does not obey what a file says.
+
+    >>> printable("a\\x1b[31m")
+    'a\\\\x1b[31m'
+    """
+    if text.isprintable():
+        return text
+    shown = (part if part.isprintable() else part.encode("unicode_escape").decode() for part in text)
+    return "".join(shown)
+
+
+def one_line(text: str) -> str:
+    """A message as one line of bounded length."""
+    line = printable(text.replace("\n", " "))
+    if len(line) <= MOST_SHOWN:
+        return line
+    return f"{line[: MOST_SHOWN // 2]} ... {line[-MOST_SHOWN // 2 :]}"
 
 
 @contextmanager
@@ -55,6 +71,12 @@ def writing_into(directory: Path) -> Iterator[None]:
         ) from None
 
 
+def refusal(error: OSError) -> JobError:
+    """What the system refused, in one line."""
+    named = error.filename or error.filename2
+    return JobError(str(named) if named is not None else "system", error.strerror or str(error))
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """What to expect instead of an unknown name: the known ones most like it, else what there is.
 
@@ -63,7 +85,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("zzz", ["coulomb", "static"])
     'one of coulomb, static'
     """
-    names = list(dict.fromkeys(known))
+    name, names = name[:MOST_SHOWN], list(dict.fromkeys(known))
     if not names:
         return "nothing else there"
     folded = {candidate.lower(): candidate for candidate in names}

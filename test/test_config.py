@@ -135,7 +135,7 @@ def test_files_that_are_no_axis_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"binary: cannot be read|binary: is not YAML"):
         load_axis(tmp_path / "binary")
     (tmp_path / "broken").write_text("axis: [1,\n  2")
-    with pytest.raises(InputError, match="broken: is not YAML") as caught:
+    with pytest.raises(InputError, match="broken: line 3: is not YAML") as caught:
         load_axis(tmp_path / "broken")
     assert "\n" not in str(caught.value)
     for content in ([], None, "text"):

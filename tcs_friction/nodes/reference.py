@@ -61,11 +61,11 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         self.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
 
     def check(self, config: ReferenceConfig, file: AxisFile) -> None:  # noqa: ARG002
-        chosen(config)
+        self._chosen = chosen(config)
 
     def configure(self, config: ReferenceConfig) -> None:
         super().configure(config)
-        self._reference = chosen(config)
+        self._reference = self._chosen
         self._wire = JointWire(self.file.axis.name)
         self._period_ns = config.period * SECOND
         if config.clock != LOCK_STEP:
