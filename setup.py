@@ -37,6 +37,7 @@ setup(
         ("bin", ["bin/tcs-friction"]),
         ("share/tcs_friction/config", files("config", "*.yaml")),
         ("share/tcs_friction/launch", files("launch", "*.launch.py")),
+        ("share/tcs_friction/security", files("security", "*.xml")),
     ],
     python_requires=">=3.11",
     install_requires=["setuptools"],

@@ -19,6 +19,7 @@ from tcs_friction.identify.identification import identify
 from tcs_friction.physics.registry import law, laws
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.report.hardware import SIMPLEST, Subject, write_report
+from tcs_friction.writable import output_directory
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -32,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
-        default=Path("hardware"),
+        type=output_directory,
+        default="hardware",
         metavar="DIR",
         help="where the report goes (hardware)",
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any, TextIO, cast
 
 from tcs_friction.commands.parser import parser_of
-from tcs_friction.errors import InputError, TcsError, nearest
+from tcs_friction.errors import InputError, JobError, TcsError, nearest, refusal
 
 COMMANDS = {
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
@@ -47,19 +49,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     one_thread_each()
     try:
-        try:
-            return _command(words)
-        finally:
-            sys.stdout.flush()  # here, where a reader that has gone is no error
+        with contextlib.redirect_stdout(cast(TextIO, _Output(sys.stdout))):
+            try:
+                return _command(words)
+            finally:
+                sys.stdout.flush()  # here, where a reader that has gone is no error
     except TcsError as error:
-        print(f"tcs-friction: {error}", file=sys.stderr)
-        return error.exit_status
+        return _fail(error)
     except KeyboardInterrupt:
         print("tcs-friction: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # what nobody nearer to it could say more about
+        return _fail(refusal(error))
+
+
+def _fail(error: TcsError) -> int:
+    print(f"tcs-friction: {error}", file=sys.stderr)
+    return error.exit_status
+
+
+class _Output:
+    """Standard output, whose refusals are told from those of files: a reader that has gone, a file on a full disk."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """As of any stream; BrokenPipeError, or JobError, when the system refuses it."""
+        with self._refused():
+            return self._stream.write(text)
+
+    def flush(self) -> None:
+        """The same for what has been kept back."""
+        with self._refused():
+            self._stream.flush()
+
+    @contextlib.contextmanager
+    def _refused(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            # What is still buffered goes nowhere: the end of the process shall not try to write it once more.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+            if isinstance(error, BrokenPipeError):
+                raise
+            raise JobError("standard output", f"cannot be written ({error.strerror})") from None
 
 
 def _command(words: list[str]) -> int:
@@ -82,7 +121,11 @@ def _run(name: str, words: list[str]) -> int:
     else:
         arguments = parser.parse_args(words)
         arguments.ros_arguments = []
-    return int(module.run(arguments) or 0)
+    try:
+        return int(module.run(arguments) or 0)
+    except OSError as error:  # a full disk names no file: it is where the results go
+        error.filename = error.filename or getattr(arguments, "output", None)
+        raise
 
 
 if __name__ == "__main__":

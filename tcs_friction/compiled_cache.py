@@ -3,19 +3,29 @@
 numba renews a cached function when that function's own file changes. Ours are inlined across files and freeze
 the slot numbers they import, so a change in one file would leave stale code in the others. The cache is
 therefore kept under a name made from the contents of every file with kernels in it.
+
+A cache can do no harm: what cannot be read from it is compiled and written anew, and where nothing can be written the
+process says so once and goes on.
 """
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import importlib.util
 import os
 import shutil
 import sys
+import tempfile
 import time
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 _VARIABLE = "NUMBA_CACHE_DIR"
 _KEPT_FOR = 30 * 86400.0  # s, how long the caches of other versions stay
+_FILES = "numba.core.caching"
 
 
 def fingerprint(package: Path) -> str:
@@ -33,8 +43,12 @@ def choose_cache() -> None:
     """Point numba at this version's cache; called before any kernel is compiled.
 
     It lies in the directory that NUMBA_CACHE_DIR names, or in the user's cache directory. Where that cannot
-    be written, numba falls back to its own choice.
+    be written, it lies in a temporary directory for as long as this process runs.
     """
+    if _FILES in sys.modules:
+        _forgive(sys.modules[_FILES])
+    else:
+        sys.meta_path.insert(0, _AfterImport())
     name = fingerprint(Path(__file__).parent)
     given = os.environ.get(_VARIABLE)
     if given and Path(given).name == name:
@@ -45,8 +59,13 @@ def choose_cache() -> None:
         if not folder.is_dir():
             folder.mkdir(parents=True)
             _forget_old(folder)
-    except OSError:
-        return
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        _say_once(folder, error)
+        try:
+            folder = _for_this_process() / name
+        except OSError:  # nothing can be written anywhere: numba may look
+            return
     os.environ[_VARIABLE] = str(folder)
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
@@ -57,3 +76,74 @@ def _forget_old(current: Path) -> None:
         ours = len(folder.name) == len(current.name) and set(folder.name) <= set("0123456789abcdef")
         if ours and folder.is_dir() and time.time() - folder.stat().st_mtime > _KEPT_FOR:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _for_this_process() -> Path:
+    """A temporary directory that goes with this process; those that it starts use it too. Nobody else can write to it."""
+    folder, owner = Path(tempfile.mkdtemp(prefix="tcs_friction-")), os.getpid()
+
+    def remove() -> None:
+        if os.getpid() == owner:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    return folder
+
+
+_said: list[Path] = []
+
+
+def _say_once(folder: Path, error: OSError) -> None:
+    if not _said:
+        _said.append(folder)
+        why = error.strerror or error
+        text = f"compiled code cannot be kept in {folder} ({why}); going on without, so that each start takes longer"
+        print(f"tcs-friction: {text}", file=sys.stderr)
+
+
+class _AfterImport:
+    """Waits for numba to be imported: importing it here would cost commands that need no kernel a second."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:  # noqa: ARG002
+        """Let the others find the module, and change it once it has been loaded."""
+        if name != _FILES:
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(name)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_forgive(module: ModuleType) -> None:
+                load(module)
+                _forgive(module)
+
+            spec.loader.exec_module = load_and_forgive  # type: ignore[method-assign]
+        return spec
+
+
+def _forgive(caching: ModuleType) -> None:
+    """No error of a cache file is one of the program: what cannot be read is compiled anew, what cannot be written is lost."""
+    files: Any = caching.IndexDataCacheFile
+    if hasattr(files, "forgiving"):
+        return
+    load_index, load, save = files._load_index, files.load, files.save
+
+    def forgiving_index(self: Any) -> Any:
+        try:
+            return load_index(self)
+        except Exception:  # an unpickled file that was cut or overwritten can raise anything
+            return {}
+
+    def forgiving_load(self: Any, key: Any) -> Any:
+        try:
+            return load(self, key)
+        except Exception:
+            return None
+
+    def forgiving_save(self: Any, key: Any, data: Any) -> None:
+        try:
+            save(self, key, data)
+        except OSError as error:
+            _say_once(Path(self._cache_path), error)
+
+    files._load_index, files.load, files.save, files.forgiving = forgiving_index, forgiving_load, forgiving_save, True

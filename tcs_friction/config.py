@@ -30,6 +30,8 @@ from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import Instance, Table, instance
 from tcs_friction.recording.signals import SignalMap
+from tcs_friction.writable import writing
+from tcs_friction.yaml_files import load_yaml
 
 T = TypeVar("T")
 
@@ -92,20 +94,6 @@ def shipped(name: str) -> Path:
         if (folder / name).is_file():
             return folder / name
     raise InputError(name, "not in the config folder", f"one of the files in {folders[0]}")
-
-
-def load_yaml(path: Path) -> Mapping[str, Any]:
-    """A YAML file whose top level is a mapping; InputError in one line otherwise."""
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(str(path), "no such file", "a YAML file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot be read ({error})", "a YAML file") from None
-    except yaml.YAMLError as error:
-        problem = " ".join(str(error).split())
-        raise InputError(str(path), f"is not YAML ({problem})") from None
-    return mapping(content, str(path))
 
 
 def mapping(value: object, where: str, keys: tuple[str, ...] = ()) -> Mapping[str, Any]:
@@ -317,10 +305,16 @@ def save_axis(path: Path, file: AxisFile, comment: str = "") -> None:
 
 def write_whole(path: Path, text: str) -> None:
     """Write a text file through a temporary name, so that nothing half-written is left under the final one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """The same for any content; JobError names the file where the system refuses it."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.write_bytes(content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)

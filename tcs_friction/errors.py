@@ -71,6 +71,12 @@ def writing_into(directory: Path) -> Iterator[None]:
         ) from None
 
 
+def refusal(error: OSError) -> JobError:
+    """What the system refused, in one line."""
+    named = error.filename or error.filename2
+    return JobError(str(named) if named is not None else "system", error.strerror or str(error))
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """What to expect instead of an unknown name: the known ones most like it, else what there is.
 
@@ -79,7 +85,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("zzz", ["coulomb", "static"])
     'one of coulomb, static'
     """
-    names = list(dict.fromkeys(known))
+    name, names = name[:MOST_SHOWN], list(dict.fromkeys(known))
     if not names:
         return "nothing else there"
     folded = {candidate.lower(): candidate for candidate in names}

@@ -6,9 +6,12 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from full_disk import full_beyond
 
 from tcs_friction import compiled_cache
 from tcs_friction.compiled_cache import choose_cache, fingerprint
@@ -70,14 +73,86 @@ def test_given_directory_is_used_and_inherited(tmp_path: Path, monkeypatch: pyte
     assert os.environ["NUMBA_CACHE_DIR"] == chosen
 
 
-def test_unwritable_directory_leaves_the_choice_to_numba(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+KERNEL = (
+    "import sys, compiled_cache; compiled_cache.choose_cache()\n"
+    "assert 'numba' not in sys.modules\n"
+    "from numba import njit\n\n"
+    "@njit('i8()', cache=True)\ndef one():\n    return 1\n\n"
+    "@njit('i8()', cache=True)\ndef two():\n    return one() + 1\n\n"
+    "print(two(), sum(one.stats.cache_hits.values()))\n"
+)
+
+
+def run_kernel(folder: Path, **environment: str) -> tuple[str, str]:
+    """A process that compiles two kernels, or takes them from the cache: its result and its words on stderr."""
+    root = package(folder / "sample", 1)
+    (root / "compiled_cache.py").write_text(Path(compiled_cache.__file__).read_text())
+    (root / "main.py").write_text(KERNEL)
+    variables = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "TMPDIR": str(folder), **environment}
+    variables.pop("NUMBA_CACHE_DIR", None)
+    done = subprocess.run(
+        [sys.executable, str(root / "main.py")], env=variables, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip(), done.stderr
+
+
+def test_a_broken_cache_is_made_anew(tmp_path: Path) -> None:
+    assert run_kernel(tmp_path) == ("2 0", "")
+    files = sorted(path for path in (tmp_path / "cache").rglob("*") if path.suffix in (".nbi", ".nbc"))
+    assert len(files) == 4
+    for path in files:
+        path.write_bytes(b"")
+    assert run_kernel(tmp_path) == ("2 0", "")
+    assert run_kernel(tmp_path) == ("2 1", "")
+
+
+@pytest.fixture
+def cache_file(tmp_path: Path) -> Any:
+    """One of numba's files, with an entry."""
+    from numba.core import caching
+
+    compiled_cache._forgive(caching)
+    file: Any = caching.IndexDataCacheFile(str(tmp_path), "kernel", (1.0, 2))
+    file.save("key", list(range(1000)))
+    assert file.load("key") == list(range(1000))
+    return file
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", [lambda _: b"", lambda content: content[: len(content) // 2], lambda _: b"\x80\x05garbage."])
+def test_what_cannot_be_read_is_not_there(
+    damage: Callable[[bytes], bytes], suffix: str, cache_file: Any, tmp_path: Path
 ) -> None:
-    file = tmp_path / "file"
-    file.write_text("")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(file))
-    choose_cache()
-    assert os.environ["NUMBA_CACHE_DIR"] == str(file)
+    (path,) = tmp_path.glob(f"*{suffix}")
+    path.write_bytes(damage(path.read_bytes()))
+    assert cache_file.load("key") is None
+    cache_file.save("key", [1])
+    assert cache_file.load("key") == [1]
+
+
+def test_a_full_disk_is_told_once(
+    cache_file: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compiled_cache, "_said", [])
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with full_beyond(100):
+        for key in ("other", "key"):
+            cache_file.save(key, list(range(1000)))
+    words = capsys.readouterr().err
+    assert words.count("\n") == 1
+    assert f"compiled code cannot be kept in {tmp_path} (File too large)" in words
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_cache_that_cannot_be_made_lies_elsewhere_for_one_run(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result, words = run_kernel(tmp_path, XDG_CACHE_HOME=str(tmp_path / "file"))
+    assert result == "2 0"
+    assert words.count("\n") == 1
+    assert "file/tcs_friction" in words
+    assert "Not a directory" in words
+    assert not list(tmp_path.glob("tcs_friction-*")), "it goes with the process"
 
 
 def test_old_versions_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

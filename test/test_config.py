@@ -22,7 +22,7 @@ from tcs_friction.config import (
     save_axis,
     write_whole,
 )
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics.registry import effects, laws
 from tcs_friction.physics.terms import Table, instance
 
@@ -135,7 +135,7 @@ def test_files_that_are_no_axis_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"binary: cannot be read|binary: is not YAML"):
         load_axis(tmp_path / "binary")
     (tmp_path / "broken").write_text("axis: [1,\n  2")
-    with pytest.raises(InputError, match="broken: is not YAML") as caught:
+    with pytest.raises(InputError, match="broken: line 3: is not YAML") as caught:
         load_axis(tmp_path / "broken")
     assert "\n" not in str(caught.value)
     for content in ([], None, "text"):
@@ -232,7 +232,7 @@ def test_text_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Mo
         raise OSError("disk full")
 
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(JobError, match=r"file\.txt: cannot be written \(disk full"):
         write_whole(path, "second")
     assert path.read_text() == "first"
     assert list(path.parent.iterdir()) == [path]

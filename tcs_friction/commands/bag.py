@@ -22,6 +22,7 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import BagInfo, TopicInfo, bag_info
 from tcs_friction.recording.tables import export_table, import_table
 from tcs_friction.recording.write import write_recording
+from tcs_friction.writable import new_output, output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,10 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export = commands.add_parser("export", help="a recording as a table")
     export.add_argument("bag", type=Path, metavar="BAG")
     export.add_argument("--axis", type=Path, required=True, metavar="AXIS.yaml", help="where the signals are")
-    export.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help=".csv or .parquet")
+    export.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE", help=".csv or .parquet")
     table = commands.add_parser("import", help="a table as a bag")
     table.add_argument("file", type=Path, metavar="FILE")
-    table.add_argument("-o", "--output", type=Path, required=True, metavar="BAG", help="bag to write")
+    table.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
     table.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="put the signals where this file has them")
     table.add_argument("--joint", default="axis", help="name of the joint without an axis file (default: axis)")
     table.add_argument(

@@ -8,17 +8,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from pathlib import Path
 
 from tcs_friction.errors import InputError
 from tcs_friction.report.commission import console_table
+from tcs_friction.writable import output_directory
 
 BAR = 30
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("-o", "--output", type=Path, default=Path("demo"), metavar="DIR", help="where it goes (default: demo)")
+    where = "where it goes (default: %(default)s)"
+    parser.add_argument("-o", "--output", type=output_directory, default="demo", metavar="DIR", help=where)
     parser.add_argument("--axis", default="azimuth_1p2m.yaml", help="axis file (default: %(default)s)")
     parser.add_argument("--reference", default="azimuth_1p2m_run.yaml", help="tracking run (default: %(default)s)")
     parser.add_argument("--processes", action="store_true", help="one process for each node")

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
-from pathlib import Path
 
 from tcs_friction.config import load_axis, shipped, write_whole
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.report.paper.document import comparisons, measure, write_report
 from tcs_friction.report.paper.stand import Stand
+from tcs_friction.writable import output_directory
 
 AXIS = "azimuth_1p2m.yaml"
 RUN = "azimuth_1p2m_run.yaml"
@@ -24,7 +23,7 @@ RUN = "azimuth_1p2m_run.yaml"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     parser.add_argument(
-        "-o", "--output", type=Path, default=Path("paper"), metavar="DIR", help="where to (paper)"
+        "-o", "--output", type=output_directory, default="paper", metavar="DIR", help="where to (paper)"
     )
     parser.add_argument("--seed", type=int, default=0, help="of all noise and of the searches (default 0)")
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
@@ -34,7 +33,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Make the experiments and the report."""
     if arguments.seed < 0:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
-    _make_directory(arguments.output)
     file, reference = load_axis(shipped(AXIS)), load_reference(shipped(RUN))
     stand = Stand(file, reference, arguments.seed)
     result = measure(stand, _progress if sys.stderr.isatty() else lambda _what, _share: None)
@@ -50,16 +48,6 @@ def run(arguments: argparse.Namespace) -> None:
         theirs = "" if row.paper is None else f"paper {row.paper:.4g} {row.unit}"
         print(f"{row.name:52} {row.value:8.4g} {row.unit:4} {theirs}".rstrip())
     print(path)
-
-
-def _make_directory(path: Path) -> None:
-    """Refuse a place that cannot be written to before the work, not after it."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be made ({error.strerror})", "a directory to write to") from None
-    if not os.access(path, os.W_OK):
-        raise InputError(str(path), "cannot be written to", "a directory to write to")
 
 
 def _progress(what: str, part: float) -> None:

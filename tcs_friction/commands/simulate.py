@@ -24,6 +24,7 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.write import write_recording
+from tcs_friction.writable import new_output
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reference", type=Path, required=True, metavar="REF.yaml", help="where it should be when"
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="BAG", help="bag to write")
+    parser.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
     parser.add_argument("--seed", type=int, default=0, help="of torque and encoder noise (default 0)")
     parser.add_argument(
         "--surroundings",
@@ -53,8 +54,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Simulate, write the bag, say what came out."""
     file = load_axis(arguments.axis)
     reference = load_reference(arguments.reference)
-    if arguments.output.exists():
-        raise InputError(str(arguments.output), "exists already", "a new name for the bag")
     if arguments.seed < 0:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
     control = file.control or default_control(file.axis)
@@ -73,12 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
         {name: exogenous[name] for name in wanted_signals(file)},
     )
     recording = recorded(loop, temperature, exogenous)
-    try:
-        write_recording(arguments.output, recording, signals)
-    except OSError as error:
-        raise InputError(
-            str(arguments.output), f"cannot be written ({error.strerror})", "a place for a bag"
-        ) from None
+    write_recording(arguments.output, recording, signals)
     _tell(arguments, loop, control, signals, notes)
 
 

@@ -14,12 +14,12 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from tcs_friction.control import reference_kernels as kernels
 from tcs_friction.control.config_field import choice, from_mapping, setting, validate
 from tcs_friction.errors import InputError, nearest
+from tcs_friction.yaml_files import load_yaml
 
 _ANGLE = 1e6
 """Largest position, rad or m: a number that is larger is a mistake in the file."""
@@ -251,7 +251,7 @@ def reference_from_mapping(mapping: Mapping[str, object], where: str) -> Referen
     kind = values.pop("kind", None)
     if kind is None:
         raise InputError(where, "kind is missing", "one of " + ", ".join(KINDS))
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(where, f"unknown kind {kind!r}", nearest(str(kind), list(KINDS)))
     config: ReferenceConfig = from_mapping(KINDS[str(kind)], values, where)
     validate_reference(config, where)
@@ -260,13 +260,8 @@ def reference_from_mapping(mapping: Mapping[str, object], where: str) -> Referen
 
 def load_reference(path: Path) -> Reference:
     """A reference from a YAML file `reference: {kind: ..., ...}`; raises InputError naming file and key."""
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})", "a reference file") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"not YAML ({error})", "reference: {kind: ...}") from error
-    if not isinstance(document, dict) or not isinstance(document.get("reference"), dict):
+    document = load_yaml(path, "a reference file")
+    if not isinstance(document.get("reference"), dict):
         raise InputError(str(path), "no mapping named reference", "reference: {kind: ...}")
     for key in document:
         if key != "reference":

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
-from tcs_friction.errors import InputError, TcsError
+from tcs_friction.errors import InputError, TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.driver import DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
@@ -76,7 +76,7 @@ class AxisNode(Node, Generic[C]):
         self._defaults = defaults
         described = ParameterDescriptor(description="axis file, a path or a name in the package's config folder")
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)
-        self.file = axis_file(path)
+        self.file = self._accepted = axis_file(path)
         self.health = Health()
         self._reported = ""
         self._said: dict[str, str] = {}
@@ -155,7 +155,7 @@ class AxisNode(Node, Generic[C]):
     # Parameters
 
     def _accept(self, changes: Sequence[Parameter]) -> SetParametersResult:
-        """Whether a change may be made, with the reason when not."""
+        """Whether a change may be made, with the reason when not. Files are read here, once; `_apply` uses what was read."""
         try:
             file = self._file_after(changes)
             base = self.config if file is self.file else self._defaults(file)
@@ -165,6 +165,11 @@ class AxisNode(Node, Generic[C]):
             self.check(wanted, file)
         except TcsError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except OSError as error:
+            return SetParametersResult(successful=False, reason=str(refusal(error)))
+        except Exception as error:  # a defect of ours that a file brings out must not take the node with it
+            return SetParametersResult(successful=False, reason=one_line(f"{type(error).__name__}: {error}"))
+        self._accepted = file
         return SetParametersResult(successful=True)
 
     def _file_after(self, changes: Sequence[Parameter]) -> AxisFile:
@@ -177,7 +182,7 @@ class AxisNode(Node, Generic[C]):
     """Names of the parameters that are being set, while `configure` applies them; empty at the start."""
 
     def _apply(self, changes: Sequence[Parameter]) -> None:
-        file = self._file_after(changes)
+        file = self._accepted
         if file is not self.file:  # another axis brings its own values for everything not named beside it
             self.file = file
             base = parameters.keep_fixed(self._defaults(file), self.config)

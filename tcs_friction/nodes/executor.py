@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from tcs_friction.errors import TcsError
+from tcs_friction.errors import TcsError, refusal
 from tcs_friction.nodes.peers import ContentError
 
 
@@ -47,11 +47,13 @@ def spin(executor: Any, done: Future | None = None) -> None:
 
 def close(executor: Any, nodes: Sequence[Node]) -> None:
     """Destroy nodes with their executor, which would otherwise go on to collect events for them, and shut ROS down."""
-    for node in nodes:
-        executor.remove_node(node)
-        node.destroy_node()
-    executor.shutdown()
-    rclpy.try_shutdown()
+    try:
+        for node in nodes:
+            executor.remove_node(node)
+            node.destroy_node()
+    finally:
+        executor.shutdown()
+        rclpy.try_shutdown()
 
 
 def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -60,7 +62,20 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
     ROS' own signal handlers would invalidate everything while a callback may be publishing; here the spin ends between two
     callbacks. An idle executor looks at signals at the next timer, and every node has one.
     """
-    rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        _run(factories, list(sys.argv if args is None else args))
+    except (TcsError, OSError) as error:
+        told = refusal(error) if isinstance(error, OSError) else error
+        shown = told.quoting if isinstance(told, ContentError) else told
+        print(f"tcs-friction: {shown}", file=sys.stderr)
+        return told.exit_status
+    except KeyboardInterrupt:  # while a node was being made
+        return 0
+    return 0
+
+
+def _run(factories: Sequence[Callable[[], Node]], args: list[str]) -> None:
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     stop = Future()
     nodes: list[Node] = []
     made = False
@@ -84,13 +99,6 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
         gc.collect()
         gc.freeze()  # a collection of everything imported would take several control periods
         spin(executor, stop)
-    except TcsError as error:
-        shown = error.quoting if isinstance(error, ContentError) else error
-        print(f"tcs-friction: {shown}", file=sys.stderr)
-        return error.exit_status
-    except KeyboardInterrupt:
-        return 0
     finally:
         made = True  # from here on a second signal must not stop the end
         close(executor, nodes)
-    return 0

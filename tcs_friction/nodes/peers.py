@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tcs_friction.control.config_field import text
 from tcs_friction.errors import InputError, TcsError
+from tcs_friction.writable import output_directory
 
 LONGEST_NAME = 200
 """Characters of a result's name; file systems take 255 bytes for each part of a path."""
@@ -71,4 +72,4 @@ def result_directory(results: str, name: str) -> Path:
         raise InputError(str(path), f"cannot be made ({error.strerror or error})", "a directory to write to") from None
     if used:
         raise InputError(str(path), "holds something already", "a new name")
-    return path
+    return output_directory(path)

@@ -65,12 +65,14 @@ class RecorderNode(PlainNode[RecorderConfig]):
         self._discover()
 
     def destroy_node(self) -> None:
-        """Finish the bag and say what is in it."""
-        self.bag.close()
-        counts = ", ".join(f"{topic} {count}" for topic, count in self.bag.counts.items()) or "nothing"
-        lost = f"; {self.lost} messages lost on the way here" if self.lost else ""
-        self.get_logger().info(f"recorded {counts}{lost}")
-        super().destroy_node()
+        """Finish the bag and say what is in it. Raises JobError when the disk does not take the end of it."""
+        try:
+            self.bag.close()
+        finally:
+            counts = ", ".join(f"{topic} {count}" for topic, count in self.bag.counts.items()) or "nothing"
+            lost = f"; {self.lost} messages lost on the way here" if self.lost else ""
+            self.get_logger().info(f"recorded {counts}{lost}")
+            super().destroy_node()
 
     def condition(self) -> tuple[str, dict[str, str]]:
         """Messages recorded and lost."""

@@ -82,14 +82,14 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         self.create_service(Trigger, "~/stop", self._on_stop)
 
     def check(self, config: ReferenceConfig, file: AxisFile) -> None:  # noqa: ARG002
-        wanted = chosen(config)
+        wanted = self._chosen = chosen(config)
         if not self.lock_step:
             check_programme(wanted, config)
 
     def configure(self, config: ReferenceConfig) -> None:
         before = self.config
         super().configure(config)
-        self._reference = chosen(config)
+        self._reference = self._chosen
         self._state.configure(self.file.axis.name, config)
         self._period_ns = config.period * SECOND
         self._joined.limits = config

@@ -1,6 +1,7 @@
-"""A small mcap writer (https://mcap.dev/spec) that loses at most the open chunk when its process is killed.
+"""A small mcap writer (https://mcap.dev/spec) that loses at most the open chunk when its process is killed or the disk is full.
 
-Each chunk carries the schemas and channels it needs, so a file without an end is readable up to its last chunk.
+Each chunk carries the schemas and channels it needs, so a file without an end is readable up to its last chunk. A chunk that
+the system does not take whole is cut off again: what is in the file stays readable.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ MESSAGE_RECORD = np.dtype(
     [("operation", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")]
 )
 _MESSAGE = struct.Struct("<BQHIQQ")
+INDEX_ENTRY = struct.Struct("<QQ")
 
 
 @dataclass
@@ -56,7 +58,7 @@ class McapWriter:
     """Writes messages to a new file. `flush` puts everything so far into the hands of the operating system."""
 
     def __init__(self, path: Path, compression: str = "") -> None:
-        """compression of chunks: "", lz4 or zstd. Raises FileExistsError if the file exists."""
+        """compression of chunks: "", lz4 or zstd. Raises FileExistsError if the file exists, OSError if it cannot be written."""
         self.path = path
         self.compression = compression
         self.channels: list[tuple[Channel, str]] = []
@@ -65,15 +67,24 @@ class McapWriter:
         self._schemas: dict[tuple[str, str], int] = {}
         self._chunk = _Chunk()
         self._chunk_indexes: list[bytes] = []
-        self._file = path.open("xb")
+        self._file = path.open("xb", buffering=0)  # chunks are the buffer, and what a failed write leaves has to be known
         self.size = 0
-        self._put(MAGIC + _record(HEADER, _text("ros2") + _text("tcs_friction")))
-        self._file.flush()
+        try:
+            self._put(MAGIC + _record(HEADER, _text("ros2") + _text("tcs_friction")))
+        except OSError:
+            self._file.close()
+            path.unlink(missing_ok=True)
+            raise
 
     @property
     def pending_size(self) -> int:
         """Bytes written and waiting."""
         return self.size + self._chunk.size
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file is finished, or given up."""
+        return self._file.closed
 
     def add_channel(self, channel: Channel, type_hash: str = "") -> int:
         """Announce a topic; the number to write its messages with."""
@@ -87,7 +98,7 @@ class McapWriter:
         """One message; log time in ns."""
         chunk = self._chunk
         self._use(number)
-        chunk.index.setdefault(number, []).append(struct.pack("<QQ", log_time, chunk.size))
+        chunk.index.setdefault(number, []).append(INDEX_ENTRY.pack(log_time, chunk.size))
         head = _MESSAGE.pack(MESSAGE, 22 + len(payload), number, self.counts[number] & 0xFFFFFFFF, log_time, log_time)
         chunk.parts += (head, payload)
         chunk.size += len(head) + len(payload)
@@ -106,7 +117,7 @@ class McapWriter:
         self.flush()
 
     def flush(self) -> None:
-        """Write the open chunk and its index, and hand all to the operating system."""
+        """Write the open chunk and its index, and hand all to the operating system. Raises OSError when that does not take it."""
         chunk, self._chunk = self._chunk, _Chunk()
         if not chunk.parts:
             return
@@ -125,8 +136,12 @@ class McapWriter:
             position += len(index)
             indexes.append(index)
         body = b"".join(indexes)
-        self._put(record + body)
-        self._file.flush()
+        try:
+            self._put(record + body)
+        except OSError:
+            for number, entries in chunk.index.items():
+                self.counts[number] -= sum(map(len, entries)) // INDEX_ENTRY.size
+            raise
         self._chunk_indexes.append(
             struct.pack("<QQQQ", chunk.start, chunk.end, at, len(record)) + _blob(b"".join(offsets))
             + struct.pack("<Q", len(body)) + _text(self.compression) + struct.pack("<QQ", len(packed), len(raw))
@@ -134,16 +149,24 @@ class McapWriter:
         self.start, self.end = min(self.start, chunk.start), max(self.end, chunk.end)
 
     def close(self) -> None:
-        """Finish the file: index and statistics, so that readers need not scan it."""
-        self.flush()
-        self._put(_record(DATA_END, struct.pack("<I", 0)))
+        """Finish the file: index and statistics, so that readers need not scan it. The file is closed even when that fails."""
+        try:
+            self.flush()
+            self._put(self._end())
+        finally:
+            self._file.close()
+
+    def _end(self) -> bytes:
+        """Everything behind the last chunk."""
+        data_end = _record(DATA_END, struct.pack("<I", 0))
         groups = {
             SCHEMA: [self._schema_record(key) for key in self._schemas],
             CHANNEL: [self._channel_record(number) for number in range(len(self.channels))],
             STATISTICS: [_record(STATISTICS, self._statistics())],
             CHUNK_INDEX: [_record(CHUNK_INDEX, index) for index in self._chunk_indexes],
         }
-        start, position, body, offsets = self.size, self.size, b"", b""
+        start = position = self.size + len(data_end)
+        body = offsets = b""
         for operation, records in groups.items():
             group = b"".join(records)
             if group:
@@ -152,8 +175,7 @@ class McapWriter:
             position += len(group)
         tail = struct.pack("<BQQQ", FOOTER, 20, start, position)
         crc = zlib.crc32(body + offsets + tail)
-        self._put(body + offsets + tail + struct.pack("<I", crc) + MAGIC)
-        self._file.close()
+        return data_end + body + offsets + tail + struct.pack("<I", crc) + MAGIC
 
     def __enter__(self) -> McapWriter:
         return self
@@ -165,7 +187,15 @@ class McapWriter:
             self._file.close()
 
     def _put(self, data: bytes) -> None:
-        self._file.write(data)
+        """All of it or, with an OSError, nothing."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            self._file.truncate(self.size)
+            self._file.seek(self.size)
+            raise
         self.size += len(data)
 
     def _use(self, number: int) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import JobError
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.layout import CODES
 from tcs_friction.recording.mcap_write import McapWriter
 from tcs_friction.recording.write import StorageFile, write_metadata
+from tcs_friction.writable import new_output
 
 _NESTED = re.compile(r"^\s*((?:\w+/)*\w+)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+", re.MULTILINE)
 _PRIMITIVES = frozenset((*CODES, "string", "wstring"))
@@ -21,15 +23,12 @@ class BagRecorder:
     """A bag directory being written. Times in ns; sizes in bytes; a limit of 0 never splits.
 
     metadata.yaml is written at the end; a bag whose recorder was killed has none and is read without it.
-    Raises InputError if the directory exists.
+    Raises InputError if the directory exists or cannot be made. When the system takes no more, the call that notices raises
+    JobError; what was recorded before stays readable, and all that is left to do is `close`.
     """
 
     def __init__(self, path: Path, compression: str = "", split_size: int = 0, split_duration: int = 0) -> None:
-        try:
-            path.mkdir(parents=True)
-        except FileExistsError:
-            raise InputError(str(path), "exists already", "a new name for the bag") from None
-        self.path = path
+        self.path = new_output(path)
         self._compression = compression
         self._split_size = split_size
         self._split_duration = split_duration
@@ -37,7 +36,10 @@ class BagRecorder:
         self._files: list[StorageFile] = []
         self._opened = 0
         self._begun = -1
-        self._writer = self._open()
+        self._failed = False
+        with self._writing():
+            path.mkdir(parents=True)
+            self._writer = self._open()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -61,19 +63,41 @@ class BagRecorder:
         if self._begun < 0:
             self._begun = log_time
         elif self._full(log_time):
-            self._finish()
-            self._writer = self._open()
+            with self._writing():
+                self._finish()
+                self._writer = self._open()
             self._begun = log_time
-        self._writer.write(number, log_time, payload)
+        try:
+            self._writer.write(number, log_time, payload)
+        except OSError as error:  # no context manager: messages come by the thousand
+            raise self._failure(error) from None
 
     def flush(self) -> None:
         """Everything so far survives the end of this process."""
-        self._writer.flush()
+        with self._writing():
+            self._writer.flush()
 
     def close(self) -> None:
-        """Finish the last file and write the metadata."""
-        self._finish()
-        write_metadata(self.path, [channel for channel, _ in self._channels], self._files)
+        """Finish the last file and write the metadata; after a failure as far as there is room for it."""
+        failed_before = self._failed
+        try:
+            with self._writing():
+                self._finish()
+                write_metadata(self.path, [channel for channel, _ in self._channels], self._files)
+        except JobError:
+            if not failed_before:
+                raise
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise self._failure(error) from None
+
+    def _failure(self, error: OSError) -> JobError:
+        self._failed = True
+        return JobError(str(self.path), f"cannot be written any more ({error.strerror}); what came before is kept")
 
     def _full(self, log_time: int) -> bool:
         if self._split_duration and log_time - self._begun >= self._split_duration:
@@ -88,9 +112,13 @@ class BagRecorder:
         return writer
 
     def _finish(self) -> None:
-        self._writer.close()
         writer = self._writer
-        self._files.append(StorageFile(writer.path.name, writer.start, writer.end, tuple(writer.counts)))
+        if writer.closed:
+            return
+        try:
+            writer.close()
+        finally:
+            self._files.append(StorageFile(writer.path.name, writer.start, writer.end, tuple(writer.counts)))
 
 
 def definition_text(msgtype: str, find: Callable[[str], str | None]) -> str:

@@ -21,6 +21,7 @@ from tcs_friction.recording.encode import TopicData, encoded, joint_states, simp
 from tcs_friction.recording.mcap_write import CHUNK_BYTES, McapWriter
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.writable import writing
 
 EPOCH = 1_700_000_000_000_000_000
 """ns; when recordings without a date of their own are written to begin, so that equal input gives equal bags."""
@@ -165,12 +166,13 @@ def new_directory(path: Path) -> Iterator[Path]:
     """A directory to fill, which gets its name only when all went well. Raises InputError if the name is taken."""
     if path.exists():
         raise InputError(str(path), "exists already", "a new name for the bag")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent))
-    try:
-        yield scratch
-        scratch.chmod(0o755)
-        os.rename(scratch, path)
-    except BaseException:
-        shutil.rmtree(scratch, ignore_errors=True)
-        raise
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent))
+        try:
+            yield scratch
+            scratch.chmod(0o755)
+            os.rename(scratch, path)
+        except BaseException:
+            shutil.rmtree(scratch, ignore_errors=True)
+            raise

@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import io
 import itertools
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from tcs_friction.config import write_bytes
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")
@@ -72,14 +73,8 @@ class Picture:
 
     def save(self, folder: Path) -> Path:
         """Write NAME.png into the folder, whole or not at all."""
-        folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{self.name}.png"
-        partial = folder / f".{self.name}.{os.getpid()}.part"
-        try:
-            partial.write_bytes(self.png)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        write_bytes(path, self.png)
         return path
 
 

@@ -157,7 +157,6 @@ def page(title: str, sentence: str, *parts: str, remark: str = "") -> str:
 
 def write_page(path: Path, document: str, pictures: Sequence[Picture] = ()) -> Path:
     """Write the page, and each picture as NAME.png beside it, whole or not at all; returns its path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     for drawn in pictures:
         drawn.save(path.parent)
     write_whole(path, document)

@@ -6,6 +6,7 @@ import importlib.machinery
 import importlib.util
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -156,7 +157,7 @@ def test_fingerprint_follows_packaging_and_not_sources(checkout: Path) -> None:
     assert second != first
     (checkout / "config/axis.yaml").write_text("b")
     assert module.workspace_fingerprint() == second
-    (checkout / "requirements/core.txt").write_text("numpy\n")
+    (checkout / "requirements/locked/core.txt").write_text("numpy\n")
     assert module.workspace_fingerprint() != second
 
 
@@ -238,13 +239,10 @@ def test_whatever_ends_the_set_up_ends_its_child_and_leaves_no_record(number: si
     ("words", "group"),
     [(["bench", "identify"], "bench"), (["bench"], "bench"), (["node", "dynamometer", "--ros-args"], "hardware")],
 )
-def test_optional_sets_are_pinned_and_installed_once(
+def test_optional_sets_are_installed_once(
     words: list[str], group: str, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     module = load(checkout / "tcs")
-    pinned = {line.partition("==")[0] for line in module.constraints().splitlines()}
-    wanted = (checkout / f"requirements/{group}.txt").read_text().splitlines()
-    assert {line for line in wanted if not line.startswith("#")} <= pinned
     calls: list[str] = []
 
     def offline(_: int, title: str, *__: object) -> None:
@@ -285,7 +283,7 @@ def test_a_set_up_that_was_interrupted_goes_on_from_the_stage(
         with pytest.raises(KeyboardInterrupt):
             module.set_up("demo")
     module.set_up("demo")
-    assert stages == [1, 1, 2, 2, 3, 3, 4, 4]
+    assert stages == [1, 1, 1, 2, 2, 3, 3, 4, 4]  # stage 1 is two commands
     assert module.ENVIRONMENT.exists()
 
 
@@ -298,3 +296,68 @@ def test_the_package_in_whose_middle_pip_was_ended_is_installed_again(checkout: 
             (packages / f"{name}-1.dist-info" / file).touch()
     module.drop_half_installed()
     assert [path.name for path in packages.iterdir()] == ["whole-1.dist-info"]
+
+
+def pins(path: Path) -> dict[str, list[str]]:
+    """Each package of a lock file, `name==version`, with its hashes."""
+    found: dict[str, list[str]] = {}
+    for line in path.read_text().splitlines():
+        if not line.startswith(("#", " ")):
+            found[line.split()[0]] = []
+        elif "--hash" in line:
+            found[list(found)[-1]].append(line.strip().removesuffix(" \\").removeprefix("--hash=sha256:"))
+    return found
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_every_package_that_is_wanted_is_pinned_with_hashes() -> None:
+    """Each requirements/NAME.txt has its lock file; `.ci/supply lock` makes them."""
+    folder = ROOT / "requirements"
+    known = {line.split()[0] for line in (folder / "constraints.txt").read_text().splitlines() if "==" in line}
+    sets = {path.name for path in folder.glob("*.txt")} - {"constraints.txt"}
+    assert sets == {path.name for path in (folder / "locked").glob("*.txt")}
+    for name in sets:
+        locked = pins(folder / "locked" / name)
+        assert set(locked) <= known, "one version of a package in every set"
+        assert all(len(value) == 64 for values in locked.values() for value in values)
+        assert all(locked.values()), "no package without a hash"
+        wanted = [line.partition("[")[0] for line in (folder / name).read_text().splitlines() if not line.startswith("#")]
+        assert {normal(word) for word in wanted} <= {normal(pin.partition("==")[0]) for pin in locked}
+
+
+def test_pip_takes_nothing_without_its_hash(checkout: Path, tmp_path: Path) -> None:
+    module = load(checkout / "tcs")
+    command = module.pip("core", "test")
+    assert "--require-hashes" in command
+    assert "--no-build-isolation" in command, "what is built is built with what was checked"
+    package = tmp_path / "wheels"
+    package.mkdir()
+    (package / "thing-1.0-py3-none-any.whl").write_bytes(b"not what was locked")
+    (checkout / "requirements/locked/core.txt").write_text(f"thing==1.0 --hash=sha256:{'0' * 64}\n")
+    (checkout / "requirements/locked/test.txt").write_text("")
+    offline = ["--no-index", "--find-links", str(package), "--target", str(tmp_path / "there")]
+    done = subprocess.run([sys.executable, *module.pip("core", "test")[1:], *offline], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "DO NOT MATCH THE HASHES" in done.stderr
+
+
+def test_beside_a_ros_installation_its_own_numpy_stays(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load(checkout / "tcs")
+    assert module.pinned("core") == checkout / "requirements/locked/core.txt"
+    monkeypatch.setattr(module, "sourced_prefixes", lambda: ["/opt/ros/jazzy"])
+    before, after = pins(checkout / "requirements/locked/core.txt"), pins(module.pinned("core"))
+    gone = set(before) - set(after)
+    assert len(gone) == 1
+    assert gone.pop().startswith("numpy==")
+    assert all(before[name] == after[name] for name in after)
+
+
+def test_a_place_that_cannot_be_written_is_one_line(checkout: Path) -> None:
+    shutil.rmtree(checkout / ".tcs")
+    (checkout / ".tcs").write_text("")
+    result = run(checkout, "demo")
+    assert result.returncode == 1
+    assert result.stderr == f"tcs: cannot set up in {checkout}/.tcs: File exists\n"

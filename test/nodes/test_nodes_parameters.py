@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import parameters
+from tcs_friction.nodes import base, parameters
 from tcs_friction.nodes.controller import ControllerConfig
 from tcs_friction.nodes.dob import DobNodeConfig
 from tcs_friction.nodes.graph import CLASSES, GRAPH
@@ -112,3 +114,49 @@ def test_defaults_come_from_the_axis_file(together: Callable[..., Any]) -> None:
     assert graph["controller"].config.position_proportional == 32.7
     assert isinstance(graph["controller"].config, ControllerConfig)
     assert graph["plant"].config.command_limit == 1e4
+
+
+HOSTILE = {
+    "a date that is none": "axis: {inertia: 2001-99-99}",
+    "a long integer": f"axis: {{inertia: {'9' * 400}, friction: {{law: coulomb_viscous, coulomb: 1.0, viscous: 1.0}}}}",
+    "a very long integer": f"axis: {{inertia: {'9' * 5000}}}",
+    "deep lists": "[" * 5000,
+    "words called numbers": "axis: {inertia: !!int x}",
+    "aliases": "a0: &a0 [1]\n" + "\n".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 12)),
+    "a key twice": "axis: {name: a, name: b}",
+}
+
+
+def test_no_file_and_no_name_takes_a_running_node_down(together: Callable[..., Any], tmp_path: Path) -> None:
+    """Asked through the service, as `ros2 param set` does."""
+    graph = together(nodes=("plant", "reference"))
+    clients = {
+        (node, parameter): graph.driver.create_client(SetParameters, f"/azimuth/{node}/set_parameters")
+        for node, parameter in (("plant", "axis"), ("reference", "axis"), ("reference", "reference_file"))
+    }
+    assert graph.until(lambda: all(client.service_is_ready() for client in clients.values()))
+    before = graph["plant"].file
+    paths = []
+    for name, content in HOSTILE.items():
+        paths.append(tmp_path / f"{name}.yaml")
+        paths[-1].write_text(content)
+    for (node, parameter), client in clients.items():
+        for value in [*map(str, paths), "x" * 5000, "/dev/zero", str(tmp_path)]:
+            request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
+            future = client.call_async(request)
+            assert graph.until(future.done), (node, value[:80])
+            (answer,) = future.result().results
+            assert not answer.successful
+            assert 0 < len(answer.reason) < 2100
+            assert "\n" not in answer.reason
+    assert graph["plant"].file is before
+
+
+def test_a_file_is_read_once_for_a_change(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the check and the use of it the file may have changed."""
+    graph = together(nodes=["plant"])
+    read: list[str] = []
+    load = base.load_axis
+    monkeypatch.setattr(base, "load_axis", lambda path: read.append(str(path)) or load(path))
+    assert graph["plant"].set_parameters([Parameter("axis", value="azimuth_1p2m.yaml")])[0].successful
+    assert len(read) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -197,3 +198,49 @@ def test_types_are_found_by_name() -> None:
     assert message_class("sensor_msgs/msg/Thing") is None
     assert "string[] name" in (installed_definition("sensor_msgs/msg/JointState") or "")
     assert installed_definition("no_such_msgs/msg/Thing") is None
+
+
+def test_a_full_disk_ends_the_recorder_with_one_line_and_a_readable_bag(graph: Any, tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    (node,), _ = graph([], talker)
+    states = node.create_publisher(JointState, "/full/joint_states", 1000)
+    with recorder_process(bag, "/full/joint_states", limit=200_000) as process:
+        sent = 0
+        end = time.monotonic() + 60.0
+        while process.poll() is None and time.monotonic() < end:
+            states.publish(state(sent))
+            sent += 1
+            time.sleep(1e-3)
+        output = process.communicate(timeout=10)[0]
+    assert process.returncode == 1
+    assert "Traceback" not in output, output
+    lines = [line for line in output.splitlines() if "tcs-friction" in line]
+    assert lines == [f"tcs-friction: {bag}: cannot be written any more (File too large); what came before is kept"]
+    topic = "/full/joint_states"
+    signals = SignalMap(SignalSource(topic, "position", "azimuth"), SignalSource(topic, "effort", "azimuth"))
+    (recording,) = read_recordings([bag], signals)
+    assert f"recorded {topic} {len(recording)}" in output
+    assert len(recording) > 100
+    assert "damaged" not in " ".join(recording.notes), "the room of the chunk that did not fit serves for the end of the file"
+
+
+def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with recorder_process(tmp_path / "file" / "bag", "/nothing") as process:
+        output = process.communicate(timeout=60)[0]
+    assert process.returncode == 2
+    assert output.count("\n") == 1
+    assert "file/bag: cannot be written (Not a directory)" in output
+
+
+def recorder_process(bag: Path, topics: str, limit: int = resource.RLIM_INFINITY) -> subprocess.Popen[str]:
+    """The recorder in a process that can make no file longer than `limit` bytes."""
+    program = (
+        f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
+        "from tcs_friction import writable; writable.ROOM = 1\n"
+        "from tcs_friction.nodes.recorder import main; sys.exit(main())"
+    )
+    arguments = ["--ros-args", "-p", f"bag:={bag}", "-p", f"topics:={topics}"]
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

@@ -174,4 +174,4 @@ def test_directory_that_cannot_be_made_is_refused_at_once(
 ) -> None:
     (tmp_path / "file").write_text("")
     assert main(["paper", "-o", str(tmp_path / "file" / "out")]) == 2
-    assert "cannot be made" in capsys.readouterr().err
+    assert "cannot be written" in capsys.readouterr().err

@@ -1,0 +1,77 @@
+"""Where results go: looked at before the work, and named when the system refuses it in the midst of the work.
+
+`output_directory`, `output_file` and `new_output` turn a word into a path and raise InputError where it cannot be written. They
+are the `type` of every -o argument, and nodes call them when a job names a directory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tcs_friction.errors import InputError, JobError
+
+ROOM = 1 << 20
+"""Bytes that have to fit before a job begins: a report with its pictures, or the first chunk of a bag."""
+
+
+def output_directory(word: str | Path) -> Path:
+    """A directory that exists or can be made, and takes files."""
+    path = Path(word)
+    with _refused(path, "a directory to write to"):
+        if path.exists() and not path.is_dir():
+            raise NotADirectoryError(0, "is a file")
+        _try(path)
+    return path
+
+
+def output_file(word: str | Path) -> Path:
+    """A file to write, in place of one that may be there."""
+    path = Path(word)
+    with _refused(path, "a file to write"):
+        if path.exists() and not path.is_file():
+            raise OSError(0, "is a directory" if path.is_dir() else "is no ordinary file")
+        _try(path.absolute().parent)
+    return path
+
+
+def new_output(word: str | Path) -> Path:
+    """A name that nothing has yet, in a place that can be written."""
+    path = Path(word)
+    with _refused(path, "a new name in a place to write to"):
+        with contextlib.suppress(FileNotFoundError):
+            path.lstat()
+            raise InputError(str(path), "exists already", "a new name")
+        _try(path.absolute().parent)
+    return path
+
+
+@contextlib.contextmanager
+def _refused(path: Path, expected: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise InputError(str(path), f"cannot be written ({error.strerror or error})", expected) from None
+
+
+def _try(directory: Path) -> None:
+    """Write ROOM bytes where `directory` is or would be made, and leave nothing behind. Raises OSError when that is refused.
+
+    Permissions alone do not tell: the superuser passes them all, and a full or read-only file system has none.
+    """
+    while not directory.exists():
+        directory = directory.absolute().parent
+    with tempfile.TemporaryFile(dir=directory) as file:
+        file.write(bytes(ROOM))
+        file.flush()
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What the system refuses while `path` is written, under whatever temporary name, is a JobError that names `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise JobError(str(path), f"cannot be written ({error.strerror or error})") from None

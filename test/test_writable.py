@@ -1,0 +1,205 @@
+"""Places that cannot be written are refused before the work; a disk that fills in its midst costs one line and nothing else."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from full_disk import full_beyond
+
+from tcs_friction import cli, config, writable
+from tcs_friction.commands.parser import parser_of
+from tcs_friction.errors import InputError, JobError
+from tcs_friction.recording.bags import Bag
+from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.record import BagRecorder
+from tcs_friction.report.figures import Picture
+
+TABLE = "time,position,torque,velocity,reference\n" + "".join(
+    f"{k * 1e-3},{np.sin(k)},{np.cos(k)},{np.sin(k / 3)},{np.cos(k / 3)}\n" for k in range(2000)
+)
+AXIS = "azimuth_1p2m.yaml"
+CHECKED = (writable.output_directory, writable.output_file, writable.new_output)
+
+
+@pytest.mark.parametrize("check", CHECKED)
+def test_a_place_that_takes_nothing_is_refused_and_left_as_it_is(check: Callable[[Path], Path], tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert check(tmp_path / "new" / "deep") == tmp_path / "new" / "deep"
+    for place in (tmp_path / "file" / "out", Path("/proc/out"), tmp_path / ("x" * 300)):
+        with pytest.raises(InputError, match="cannot be written"):
+            check(place)
+    with full_beyond(writable.ROOM // 2), pytest.raises(InputError, match=r"deep: cannot be written \(File too large\)"):
+        check(tmp_path / "new" / "deep")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_wrong_kind_of_output_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    assert writable.output_directory(tmp_path) == tmp_path
+    assert writable.output_file(tmp_path / "file") == tmp_path / "file"
+    for check, name, reason in (
+        (writable.output_directory, "file", "is a file"),
+        (writable.output_file, "", "is a directory"),
+        (writable.output_file, "/dev/null", "is no ordinary file"),
+        (writable.new_output, "file", "exists already"),
+        (writable.new_output, "link", "exists already"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            check(tmp_path / name)
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def outputs(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Every argument called output, of the commands of a command too."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for inner in action.choices.values():
+                yield from outputs(inner)
+        elif action.dest == "output":
+            yield action
+
+
+def test_every_command_looks_at_its_output_before_the_work() -> None:
+    found = {}
+    for name in cli.COMMANDS:
+        module = importlib.import_module(f"tcs_friction.commands.{name}")
+        for action in outputs(parser_of(name, module)):
+            assert action.type in CHECKED, name
+            assert action.default is None or isinstance(action.default, str), "argparse converts defaults that are text"
+            found[name] = action
+    assert {"demo", "simulate", "identify", "diagnose", "calibrate", "response", "paper", "bag"} <= set(found)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["identify", "nowhere", "--axis", "nowhere"],
+        ["diagnose", "nowhere", "--axis", "nowhere"],
+        ["response", "nowhere", "--axis", "nowhere"],
+        ["calibrate", "nowhere", "--axis", "nowhere"],
+        ["simulate", "nowhere", "--reference", "nowhere"],
+        ["bag", "export", "nowhere", "--axis", "nowhere"],
+        ["bag", "import", "nowhere"],
+        ["paper"],
+        ["demo"],
+    ],
+)
+def test_the_output_is_named_first(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    out = str(tmp_path / "file" / "out")
+    assert cli.main([*words, "-o", out]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"tcs-friction: {out}: cannot be written (Not a directory)")
+    assert error.count("\n") == 1
+
+
+def test_a_disk_that_fills_while_a_command_writes_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(writable, "ROOM", 1)
+    (tmp_path / "table.csv").write_text(TABLE)
+    bag, axis = tmp_path / "bag", ["--axis", str(config.shipped(AXIS))]
+    to_bag = ["bag", "import", str(tmp_path / "table.csv"), *axis, "-o"]
+    assert cli.main([*to_bag, str(bag)]) == 0
+    capsys.readouterr()
+    before = set(tmp_path.iterdir())
+    export = ["bag", "export", str(bag), *axis, "-o"]
+    for words in ([*to_bag, str(tmp_path / "full")], [*export, f"{tmp_path}/full.csv"], [*export, f"{tmp_path}/full.parquet"]):
+        with full_beyond(20_000):
+            assert cli.main(words) == 1, capsys.readouterr().err
+        error = capsys.readouterr().err
+        assert error.startswith(f"tcs-friction: {words[-1]}: "), error
+        assert "too large" in error
+        assert error.count("\n") == 1
+        assert set(tmp_path.iterdir()) == before
+
+
+def test_files_of_results_are_named_and_whole_or_absent(tmp_path: Path) -> None:
+    for write, name in (
+        (lambda: config.write_whole(tmp_path / "a.json", "x" * 20_000), "a.json"),
+        (lambda: Picture("b", "", b"x" * 20_000).save(tmp_path), "b.png"),
+    ):
+        with full_beyond(10_000), pytest.raises(JobError, match=rf"{name}: cannot be written \(File too large\)"):
+            write()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux only")
+@pytest.mark.parametrize("words", [["--help"], ["identify", "--help"]])
+def test_a_full_standard_output_is_one_line(words: list[str]) -> None:
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-P", "-m", "tcs_friction.cli", *words]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "tcs-friction: standard output: cannot be written (No space left on device)\n"
+
+
+def test_a_refusal_nobody_else_explains_names_the_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(_: object) -> int:
+        raise PermissionError(13, "Permission denied", "some/file")
+
+    monkeypatch.setattr(importlib.import_module("tcs_friction.commands.paper"), "run", refuse)
+    assert cli.main(["paper"]) == 1
+    assert capsys.readouterr().err == "tcs-friction: some/file: Permission denied\n"
+
+
+CHANNEL = Channel("/t", "std_msgs/msg/Int64", "cdr", "int64 data", "ros2msg", "")
+PAYLOAD = b"\0\1\0\0" + bytes(1000)
+
+
+def write_tens(bag: BagRecorder, number: int) -> None:
+    """A thousand messages in chunks of ten."""
+    for k in range(1000):
+        bag.write(number, k, PAYLOAD)
+        if k % 10 == 9:
+            bag.flush()
+
+
+def recorded(bag: Path) -> int:
+    return sum(1 for part in Bag(bag).batches(["/t"]) for _ in part.payloads())
+
+
+@pytest.mark.parametrize("room", [30_000, 30_600, 200_000])
+def test_a_full_disk_ends_a_recording_that_stays_readable(room: int, tmp_path: Path) -> None:
+    """With room for the end of the file and without; the chunk that did not fit is not counted."""
+    bag = BagRecorder(tmp_path / "bag")
+    number = bag.add_topic(CHANNEL)
+    with full_beyond(room):
+        with pytest.raises(JobError, match=r"bag: cannot be written any more \(File too large\); what came before is kept"):
+            write_tens(bag, number)
+        bag.close()
+    assert recorded(tmp_path / "bag") == bag.counts["/t"] > 15
+    assert bag.counts["/t"] % 10 == 0
+
+
+def test_a_disk_that_is_full_at_the_end_is_told(tmp_path: Path) -> None:
+    bag = BagRecorder(tmp_path / "bag")
+    number = bag.add_topic(CHANNEL)
+    bag.write(number, 1, PAYLOAD)
+    bag.flush()
+    with full_beyond(1500), pytest.raises(JobError, match="cannot be written any more"):
+        bag.close()
+    assert recorded(tmp_path / "bag") == 1
+
+
+def test_a_next_file_that_cannot_be_begun_leaves_the_others(tmp_path: Path) -> None:
+    bag = BagRecorder(tmp_path / "bag", split_size=5000)
+    number = bag.add_topic(CHANNEL)
+    for k in range(4):
+        bag.write(number, k, PAYLOAD)
+    (tmp_path / "bag" / "bag_1.mcap").touch()  # in the way
+    with pytest.raises(JobError, match="File exists"):
+        write_tens(bag, number)
+    bag.close()
+    (tmp_path / "bag" / "bag_1.mcap").unlink()
+    assert recorded(tmp_path / "bag") == bag.counts["/t"] >= 4

@@ -1,0 +1,119 @@
+"""YAML files by anybody: whatever they say, reading them is quick, small, and ends with a value or one line."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from tcs_friction import yaml_files
+from tcs_friction.config import load_axis
+from tcs_friction.control.reference import load_reference
+from tcs_friction.errors import InputError
+from tcs_friction.yaml_files import load_yaml, parse_yaml
+
+AXIS = "axis: {{inertia: {}, friction: {{law: coulomb_viscous, coulomb: 1.0, viscous: 1.0}}}}\n"
+
+
+def bomb(levels: int, *, merge: bool = False) -> str:
+    """Every line stands for ten times what the one before stands for."""
+    lines = ["a0: &a0 {x: 1}" if merge else "a0: &a0 [1]"]
+    for k in range(1, levels):
+        names = ", ".join([f"*a{k - 1}"] * 10)
+        lines.append(f"a{k}: &a{k} {{<<: [{names}]}}" if merge else f"a{k}: &a{k} [{names}]")
+    return "\n".join(lines)
+
+
+def chain(length: int) -> str:
+    """Every line is a list around the one before."""
+    return "a0: &a0 []\n" + "\n".join(f"a{k}: &a{k} [*a{k - 1}]" for k in range(1, length))
+
+
+HOSTILE = {
+    "a date that is none": (AXIS.format("2001-99-99"), "axis: inertia: '2001-99-99'"),
+    "a time that is none": (AXIS.format("!!timestamp 2001-01-01 25:61:61"), "line 1: '2001-01-01 25:61:61' cannot be used"),
+    "an integer of 350 digits": (AXIS.format("9" * 350), "line 1: '9999999999999999999999999999999999999999' cannot be used"),
+    "an integer of 5000 digits": (AXIS.format("9" * 5000), "line 1: a number of 5000 characters"),
+    "minutes without end": (AXIS.format("1" + ":1" * 100_000), "line 1: a number of 200001 characters"),
+    "words called numbers": (AXIS.format("!!int x"), "line 1: 'x' cannot be used as int"),
+    "nothing called a number": (AXIS.format("!!float ''"), "line 1: '' cannot be used as float"),
+    "a word called true": (AXIS.format("!!bool perhaps"), "line 1: 'perhaps' cannot be used as bool"),
+    "deep lists": ("[" * 100_000, "line 1: nests too deep"),
+    "deep mappings": ("{a: " * 100_000, "line 1: nests too deep"),
+    "deep blocks": ("".join(" " * k + "a:\n" for k in range(2000)), "line 33: nests too deep"),
+    "deep by aliases": (chain(1000), "line 32: nests too deep"),
+    "a list in itself": ("a: &a [*a]", r"line 1: \*a is a part of itself"),
+    "aliases of aliases": (bomb(12), "stands for too many values"),
+    "merges of merges": (bomb(12, merge=True), "stands for too many values"),
+    "many values": ("[" + "1," * 120_000 + "]", "stands for too many values"),
+    "much text": ("# " + "x" * yaml_files.LARGEST, "is too large"),
+    "a key twice": ("axis:\n  inertia: 1.0\n  name: x\n  inertia: 2.0\n", "line 4: key 'inertia' comes twice"),
+    "a key twice in a list": ("- {a: 1, b: {a: 1}, a: 2}", "line 1: key 'a' comes twice"),
+    "a long key": ("axis: {? " + "k" * 100_000 + " : 1}", "unknown key"),
+    "a long value": (AXIS.format("x" * 100_000), "axis: inertia"),
+    "a list for a key": ("? [a]\n: 1\n", "line 1: found unhashable key"),
+    "code": ('axis: !!python/object/apply:os.system ["x"]', "could not determine a constructor"),
+    "no YAML": ("axis: [1,\n  2", "line 3: is not YAML"),
+    "an unknown alias": ("axis: *nobody", "line 1: "),
+    "two documents": ("axis: 1\n---\naxis: 2\n", "line 2: is not YAML \\(but found another document"),
+    "control characters": ("axis: \0\x1b[31m", "is not YAML"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_cost_one_line(name: str, tmp_path: Path) -> None:
+    text, message = HOSTILE[name]
+    path = tmp_path / "axis.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"axis\.yaml: .*{message}") as caught:
+        load_axis(path)
+    assert len(str(caught.value)) < 2100
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("text", [bomb(9), bomb(9, merge=True), "[" * 1_000_000], ids=["aliases", "merges", "depth"])
+def test_hostile_files_cost_little_memory(text: str) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError):
+            parse_yaml(text, "here")
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_references_are_read_in_the_same_way(tmp_path: Path) -> None:
+    path = tmp_path / "reference.yaml"
+    path.write_text("reference: {kind: hold, duration: 2.0, duration: 3.0}")
+    with pytest.raises(InputError, match="line 1: key 'duration' comes twice"):
+        load_reference(path)
+    path.write_text("reference: {kind: [hold]}")
+    with pytest.raises(InputError, match="unknown kind"):
+        load_reference(path)
+
+
+def test_time_grows_with_the_size_of_the_file_and_no_faster() -> None:
+    """Ten times the values against as many times the time, with room for what the machine does beside."""
+
+    def seconds(count: int) -> float:
+        text = "[" + ", ".join(["{a: 1.5, b: [x, 2]}"] * count) + "]"
+        begin = time.process_time()
+        parse_yaml(text, "here")
+        return time.process_time() - begin
+
+    seconds(100)
+    assert seconds(4_000) < 40 * seconds(400)
+
+
+def test_what_files_may_say_is_still_understood(tmp_path: Path) -> None:
+    assert load_yaml(Path(__file__).parents[1] / "config" / "azimuth_1p2m.yaml")["axis"]["inertia"] > 0.0
+    text = "base: &b {x: 1, y: 0x10, z: -.inf}\nown: {<<: *b, x: 2}\nday: 2026-11-22\ntwice: [*b, *b]\n'on': yes\nnone: ~\n"
+    content = parse_yaml(text.encode(), "here")
+    assert content["own"] == {"x": 2, "y": 16, "z": float("-inf")}
+    assert content["day"] == "2026-11-22"
+    assert content["twice"] == [content["base"]] * 2
+    assert (content["on"], content["none"]) == (True, None)
+    with pytest.raises(InputError, match="cannot be read"):
+        load_yaml(tmp_path)
