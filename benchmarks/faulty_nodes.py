@@ -11,6 +11,8 @@ import sys
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from tcs_friction.errors import JobError
+
 LOOP = ("plant", "reference", "lugre_compensator", "dob", "controller")
 PERIOD = 0.01
 """s; five Python processes hold 100 Hz on any machine."""
@@ -63,10 +65,11 @@ class Loop:
         self._processes[name] = process
 
     def signal(self, name: str, number: int) -> None:
-        """Send a signal to a node's process."""
-        pid = self._processes[name].pid
-        assert pid is not None
-        os.kill(pid, number)
+        """Send a signal to a node's process. Raises JobError when that has ended by itself."""
+        process = self._processes[name]
+        if process.pid is None or process.exitcode is not None:
+            raise JobError(f"node {name}", f"ended by itself with status {process.exitcode}", "it to run")
+        os.kill(process.pid, number)
 
     def kill(self, name: str) -> None:
         """The hard way."""
