@@ -30,7 +30,7 @@ def test_every_service_answers_while_messages_flow(processes: Any, caller: Any, 
     assert stress.unanswered == []
     assert sum(stress.calls.values()) >= 100
     for _ in range(10):
-        answer = caller.call(Trigger, "dob/calibrate", Trigger.Request(), 20.0)
+        answer = caller.call(Trigger, "dob/calibrate", Trigger.Request(), 100.0)
         assert answer is not None, processes.log("graph")
         assert answer.message
     assert processes.alive("graph"), processes.log("graph")
