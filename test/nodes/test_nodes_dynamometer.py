@@ -329,12 +329,12 @@ def test_a_gauge_behind_a_serial_server(scheme: str, gauge: Any, processes: Any,
     server = SerialServer(str(made.name), scheme)
     url = f"{scheme}://127.0.0.1:{server.number}"
     processes.start("dynamometer", "-p", f"port:={url}", "-p", "protocol:=imada", "-p", "baud:=19200")
-    assert wait_until(lambda: len(readings) > 2), processes.log("dynamometer")
+    assert wait_until(lambda: len(readings) > 2, 90.0), processes.log("dynamometer")
     assert readings[-1].wrench.force.x == 12.5
     if scheme == "rfc2217":
         assert made.speed == termios.B19200
     server.close()
-    assert wait_until(lambda: listener.health.get("dynamometer", (0, ""))[0] == WARN, 10.0)
+    assert wait_until(lambda: listener.health.get("dynamometer", (0, ""))[0] == WARN)
     count = len(readings)
     server = SerialServer(str(made.name), scheme, server.number)
     assert wait_until(lambda: len(readings) > count), processes.log("dynamometer")

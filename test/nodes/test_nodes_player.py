@@ -194,7 +194,7 @@ def test_a_bag_of_odd_names_and_times_is_played_as_far_as_it_goes(processes: Any
     records = [hostile.message(0, 0, number), hostile.message(1, 1, number), hostile.record(5, far)]
     bag = hostile.mcap(tmp_path / "odd", *names, *records)
     processes.start("player", "-p", f"bag:={bag}", "-p", "delay:=0.0", "-p", "rate:=0.001", "-p", "clock_rate:=1.0")
-    assert wait_until(lambda: "/a b is not played" in processes.log("player"))
+    assert wait_until(lambda: "/a b is not played" in processes.log("player"), 90.0)
     time.sleep(0.5)  # into the wait for the last message
     assert processes.interrupt("player") == 0, processes.log("player")
     assert "Traceback" not in processes.log("player")
