@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
 from tcs_friction.config import AxisFile
@@ -45,6 +46,16 @@ class ManagedNode(LifecycleNodeMixin, AxisNode[C]):
             self.trigger_configure()
             self.trigger_activate()
             self.health.forget_events()  # of no interest: nobody has deactivated anything
+
+    def _LifecycleNodeMixin__on_change_state(self, request: Any, response: Any) -> Any:  # noqa: N802
+        """rclpy's callback of the service, which ends the node by an exception where the state has no such transition."""
+        try:
+            return super()._LifecycleNodeMixin__on_change_state(request, response)
+        except rclpy_implementation.RCLError:
+            wanted = request.transition.label or f"number {request.transition.id}"
+            self.health.note(f"life cycle: no transition {wanted} from here; nothing was changed")
+            response.success = False
+            return response
 
     def state_changed(self) -> None:
         """After every transition. For subclasses."""

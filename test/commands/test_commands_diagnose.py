@@ -16,6 +16,7 @@ from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.search.hypotheses import Kind
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law
@@ -48,7 +49,7 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
     noise = 0.1 * np.sin(7.0 * t)
     found = Found(
         BIAS,
-        ("imbalance",),
+        (Kind("imbalance"),),
         0.5,
         {"bias": {"value": 0.4, "std": 0.01, "unit": "N m"}},
         {"coordinate": "torque", "range": None, "period": None, "frequency": None},

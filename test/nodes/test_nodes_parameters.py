@@ -11,7 +11,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import base, parameters
+from tcs_friction.nodes import files, parameters
 from tcs_friction.nodes.controller import ControllerConfig
 from tcs_friction.nodes.dob import DobNodeConfig
 from tcs_friction.nodes.graph import CLASSES, GRAPH
@@ -156,7 +156,7 @@ def test_a_file_is_read_once_for_a_change(together: Callable[..., Any], monkeypa
     """Between the check and the use of it the file may have changed."""
     graph = together(nodes=["plant"])
     read: list[str] = []
-    load = base.load_axis
-    monkeypatch.setattr(base, "load_axis", lambda path: read.append(str(path)) or load(path))
+    load = files.load_axis
+    monkeypatch.setattr(files, "load_axis", lambda path: read.append(str(path)) or load(path))
     assert graph["plant"].set_parameters([Parameter("axis", value="azimuth_1p2m.yaml")])[0].successful
     assert len(read) == 1

@@ -240,7 +240,7 @@ def recorder_process(bag: Path, topics: str, limit: int = resource.RLIM_INFINITY
         "from tcs_friction import writable; writable.ROOM = 1\n"
         "from tcs_friction.nodes.recorder import main; sys.exit(main())"
     )
-    arguments = ["--ros-args", "-p", f"bag:={bag}", "-p", f"topics:={topics}"]
+    arguments = ["--ros-args", "-p", f"bag:={bag}", "-p", f"topics:=[{topics}]"]
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
     command = [sys.executable, "-c", program, *arguments]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

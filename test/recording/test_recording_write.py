@@ -21,7 +21,7 @@ from recording_samples import ROS2, samples
 from recording_samples import write as sample_bag
 from rosbags.highlevel import AnyReader
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, JobError
 from tcs_friction.recording import write
 from tcs_friction.recording.bags import Bag, read_recordings
 from tcs_friction.recording.encode import OWN_TYPES, channel_of, encoded, joint_states, typestore
@@ -112,7 +112,7 @@ def test_nothing_is_overwritten_and_nothing_half_written_stays(tmp_path: Path, m
         raise OSError("disk full")
 
     monkeypatch.setattr(McapWriter, "flush", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(JobError, match=r"other: cannot be written \(disk full\)"):
         write_recording(tmp_path / "other", recording(10), SIGNALS)
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
