@@ -29,6 +29,7 @@ def test_every_service_answers_while_messages_flow(processes: Any, caller: Any, 
     assert processes.alive("graph"), processes.log("graph")
     assert stress.unanswered == []
     assert sum(stress.calls.values()) >= 100
+    caller.executor.add_node(caller.driver)  # the stress had it on an executor of its own
     for _ in range(10):
         answer = caller.call(Trigger, "dob/calibrate", Trigger.Request(), 100.0)
         assert answer is not None, processes.log("graph")
