@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tcs_friction.errors import InputError
 from tcs_friction.identify.operators import (
     SwarmOptions,
     cross,
@@ -106,7 +107,7 @@ def search(
 ) -> SearchResult:
     """Minimise a cost over the unit box by PSO-GA. Same seed, same result.
 
-    `start` (k, d): particles to begin with among the random ones.
+    `start` (k, d): particles to begin with among the random ones. Raises InputError where no particle has a cost.
     """
     options = options or SwarmOptions()
     random = np.random.default_rng(seed)
@@ -116,6 +117,9 @@ def search(
     if start is not None:
         position[: len(start)] = np.clip(start, 0.0, 1.0)
     costs, better = state.evaluate(position), 0  # step 2
+    if not np.isfinite(costs).any():
+        found = "no candidate can be compared with these samples"
+        raise InputError("identification", found, "a longer run in which the axis slides")
     for number in range(options.generations):  # steps 3, 4 and 13
         velocity = starting_velocity(position, better, number / options.generations, options, random)
         position, costs = _swarm(state, position, costs, velocity)  # steps 5 to 7

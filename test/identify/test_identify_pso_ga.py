@@ -225,3 +225,9 @@ def test_a_swarm_sets_out_at_random() -> None:
     velocity = operators.starting_velocity(np.full((3000, 3), 0.5), 0, 0.0, options, np.random.default_rng(0))
     assert np.abs(velocity).max() <= 0.1
     assert np.std(velocity) == pytest.approx(0.1 / np.sqrt(3.0), rel=0.03)
+
+
+def test_a_cost_that_is_never_defined_is_one_clear_line() -> None:
+    """48 samples of a friction estimate, all of them within the observer's lag, once ended in numpy's words."""
+    with pytest.raises(InputError, match="no candidate can be compared"):
+        search(lambda position: np.full(len(position), np.nan), 3, seed=0)
