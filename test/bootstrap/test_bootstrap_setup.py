@@ -217,7 +217,8 @@ def test_whatever_ends_the_set_up_ends_its_child_and_leaves_no_record(number: si
     slow = checkout / "slow.py"
     pid_file = checkout / "pid"
     slow.write_text(
-        "import os, runpy\n"
+        "import os, runpy, signal\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a background job ignores it, a terminal's does not
         f"tcs = runpy.run_path({str(checkout / 'tcs')!r})\n"
         "tcs['end_on_signals']()\n"
         f"tcs['run_stage'](1, 'slow', ['sh', '-c', 'echo $$ > {pid_file}; sleep 60'], dict(os.environ))\n"
