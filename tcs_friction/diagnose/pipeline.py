@@ -27,6 +27,7 @@ from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.conclusion import Explanation, conclude
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
+from tcs_friction.diagnose.search.laws import lacks
 from tcs_friction.diagnose.search.rivals import contested
 from tcs_friction.diagnose.search.stepwise import (
     Progress,
@@ -51,27 +52,29 @@ def diagnose(
     Raises InputError when the recordings cannot carry a torque balance.
     """
     progress(0.02, "conditioning the recording")
-    data = prepare(recordings, memory=FORGOTTEN * file.axis.bristle)
+    data = prepare(
+        recordings, memory=FORGOTTEN * file.axis.bristle, at_rest=not file.axis.friction.term.without_memory
+    )
     check_units(data, file.axis)
     balance = TorqueBalance(data, file.axis.actuation_delay)
 
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
 
-    remainder = lru_cache(maxsize=1)(partial(remainder_of, balance, retuned))  # the search and the next stage ask of one fit
+    remainder = lru_cache(maxsize=1)(partial(remainder_of, balance))  # the search and the next stage ask of one fit
     selection = select_effects(
         balance,
         retuned,
         file.axis,
         barred(data, file.axis),
-        enough=lambda fit: remainder(fit).further_effects_are_map,
+        enough=lambda base, fit: remainder(base, fit).further_effects_are_map,
         progress=progress,
     )
 
     progress(0.75, "looking for structure that remains")
-    left = remainder(selection.chosen)
+    left = remainder(selection.base, selection.chosen)
     if left.instead is None:
-        left = remainder(beyond_remaining_spectrum(balance, selection.chosen, retuned))
+        left = remainder(selection.base, beyond_remaining_spectrum(balance, selection.chosen, retuned))
     explanation = _explanation(balance, selection, left, progress)
 
     progress(0.92, "proving on held-out data")
@@ -84,7 +87,8 @@ def _explanation(
     """The map that stands for all effects, or the effects after their contests with a map for the rest."""
     if left.instead is not None:
         return Explanation(selection.retuned, left.instead.fit, left.instead.structure, selection.rounds)
-    kept = Selection(selection.retuned, left.fit, selection.rounds)
+    chosen, lacking = lacks(balance, left.fit, selection.retuned.axis)
+    kept = Selection(selection.retuned, selection.base, chosen, selection.rounds)
     fit, contests = contested(balance, kept, progress)
     improved = fit if left.structure is None else with_map(balance, fit, left.structure)
-    return Explanation(selection.retuned, improved, left.structure, selection.rounds, contests)
+    return Explanation(selection.retuned, improved, left.structure, selection.rounds, contests, lacking)

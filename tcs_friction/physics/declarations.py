@@ -87,6 +87,7 @@ Transfer = Callable[[Values, np.ndarray], np.ndarray]
 Warn = Callable[[Values], list[str]]
 Rate = Callable[[Values, float], float]
 Orders = Callable[[float, bool], tuple[float, float]]
+Completes = Callable[[Values], Values]
 Extent = Callable[[Values], tuple[float, float | None]]
 
 PERIODS = 4.0  # over the travel, that make a torque periodic
@@ -116,6 +117,11 @@ def no_rate(values: Values, inertia: float) -> float:
 def no_travel(values: Values) -> float:
     """No bristles."""
     return 0.0
+
+
+def no_law(values: Values) -> Values:
+    """It completes no law."""
+    return {}
 
 
 def any_signal(name: str) -> bool:

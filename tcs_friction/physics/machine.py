@@ -342,18 +342,20 @@ def evaluate_demand(
     torque: Any,
     signals: Any,
     resolution: float,
+    resting: Any,
+    holding: Any,
     out: Any,
 ) -> None:
     """What the terms add to the torque that a true motion (3, n) requires, `out` (n,), N m; others as for `evaluate`.
 
-    `torque` is that at the rotor.
+    `torque` is that at the rotor. Where the axis is `resting` (n,), the torque that holds it is `holding` (n,), N m.
     """
     at = m.motion
     slope = arrest_per_speed(m, resolution)
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         a = measured_instant(m, t[i], dt, motion[0, i], motion[1, i], motion[2, i], signals, i)
-        at[ARREST] = slope * at[VELOCITY]
+        at[ARREST] = holding[i] if resting[i] else slope * at[VELOCITY]
         at[TORQUE] = torque[i]
         friction, opposing = torques(m, dt)
         out[i] = (at[INERTIA] - m.constants[MASS]) * a + friction + opposing

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics.declarations import (
     COORDINATES,
+    Completes,
     Extent,
     Local,
     Need,
@@ -20,6 +21,7 @@ from tcs_friction.physics.declarations import (
     Warn,
     any_signal,
     many_periods,
+    no_law,
     no_rate,
     no_scan,
     no_travel,
@@ -60,6 +62,10 @@ class Term:
     Exactly one parameter has the feature DRY: the level of the dry friction, N m.
     bristle: travel (rad) over which its dry friction builds up, from its values; 0 without bristles.
     usual: whether it is the one to take, among laws with the same features, where nobody names a law.
+
+    Of an effect that completes a law
+    ---------------------------------
+    of_law: its parameters, as far as the values of a law that has its features give them.
 
     How a recording shows it
     ------------------------
@@ -111,6 +117,7 @@ class Term:
     rate: Rate = no_rate
     bristle: Callable[[Values], float] = no_travel
     usual: bool = False
+    of_law: Completes = no_law
     frequency: str = ""
     extent: Extent | None = None
 
@@ -142,6 +149,11 @@ class Term:
     def level(self) -> Parameter:
         """The level of a law's dry friction."""
         return next(p for p in self.parameters if p.feature is Feature.DRY)
+
+    @property
+    def without_memory(self) -> bool:
+        """Whether a law has no state: while the axis rests it only bounds the torque that holds it."""
+        return self.place is Place.LAW and self.states == 0
 
     @property
     def order(self) -> Parameter:

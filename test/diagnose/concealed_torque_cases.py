@@ -77,6 +77,7 @@ def conditioned(
         acceleration=acceleration,
         torque=required + hidden + coloured(rng, len(t)),
         signals=np.stack([15.0 + 5.0 * (1.0 - np.exp(-t / 100.0)), wind]),
+        resting=np.zeros(len(t), bool),
         train=~held_out & (t > 0.5),  # it starts at rest
         held_out=held_out,
         piece=block,

@@ -26,6 +26,7 @@ def stretch(count: int, speed: float) -> Stretch:
         train=~held,
         held_out=held,
         piece=np.arange(compared) // 10,
+        resting=np.zeros(count, bool),
     )
 
 

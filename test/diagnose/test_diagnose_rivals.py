@@ -97,7 +97,7 @@ def test_every_effect_found_is_contested_on_an_axis_that_keeps_the_others(fitted
     present = rival(fitted, 40.0, BIAS.again())
     pair = rival(fitted, 60.0, instance(effect("cable_wrap"), {"stiffness": 1.0}), BIAS.again())
     told: list[str] = []
-    selection = Selection(fit, both, ((imbalance, present, pair),))
+    selection = Selection(fit, fit, both, ((imbalance, present, pair),))
     chosen, contests = contested(balance, selection, lambda _, stage: told.append(stage))
     assert [c.effect for c in contests] == [item.identity for item in chosen.axis.effects] == [bias.identity, step.identity]
     assert [c.without.axis.effects[0].identity for c in contests] == [step.identity, bias.identity]

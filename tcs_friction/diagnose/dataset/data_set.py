@@ -29,7 +29,7 @@ class Stretch:
     t (s, of the recording), position (rad), velocity (rad/s), acceleration (rad/s^2), torque (N m): (n,), evaluated samples.
     signals (1 + s, n): temperature (degC), then exogenous signals. train, held_out (m,): which compared samples may be fitted and
     which nothing is fitted to; in neither are edges, and gaps between the two. piece (m,): number of the block of the data, which
-    is as long as a held-out one.
+    is as long as a held-out one. resting (n,): where the axis rests and friction is unknown; nothing is compared there.
     """
 
     t: np.ndarray
@@ -41,6 +41,7 @@ class Stretch:
     train: NDArray[np.bool_]
     held_out: NDArray[np.bool_]
     piece: NDArray[np.int64]
+    resting: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +80,11 @@ class DataSet:
     def held_out(self) -> NDArray[np.bool_]:
         """(n,) Which compared samples are kept for the comparison of finished models."""
         return _fixed(self.joined("held_out"))
+
+    @cached_property
+    def resting(self) -> NDArray[np.bool_]:
+        """(n,) Where the axis rests at compared samples, and friction is unknown."""
+        return _fixed(self.joined("resting"))
 
     @cached_property
     def piece(self) -> NDArray[np.int64]:

@@ -7,7 +7,8 @@ In: recordings. Out: a `DataSet`. The steps, each in a module of its own:
 3. the position's spectrum says up to which frequency torques can be compared (`bands`);
 4. position, velocity and acceleration come from the same low-passed position, and torque and all other signals pass the same
    filter (`filters`), so that a torque and the motion that it causes keep their timing;
-5. edges are left out, and some data are held out (`hold_out`).
+5. edges are left out, and some data are held out (`hold_out`);
+6. where the axis rests (`rest`), nothing is compared for a friction law without memory: at rest it only bounds the torque.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from tcs_friction.diagnose.dataset.bands import Bands, bands, usual_spacing, vis
 from tcs_friction.diagnose.dataset.checks import check
 from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
 from tcs_friction.diagnose.dataset.filters import low_pass
+from tcs_friction.diagnose.dataset.rest import unknown_friction
 from tcs_friction.errors import InputError
 from tcs_friction.numerics.sampling import jitter, resampled
 from tcs_friction.recording.recording import Recording
@@ -37,10 +39,13 @@ Segment = tuple[int, slice]  # number of the recording, samples of it
 Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, torque, temperature, other signals (3 + s, n)
 
 
-def prepare(recordings: Sequence[Recording], held_out: bool = True, memory: float = 0.0) -> DataSet:
+def prepare(
+    recordings: Sequence[Recording], held_out: bool = True, memory: float = 0.0, at_rest: bool = True
+) -> DataSet:
     """Put recordings onto a common filtered time base and, if `held_out`, keep some data from being fitted.
 
-    What was before a stretch is unknown: it is not compared until it has moved over `memory` (rad).
+    What was before a stretch is unknown: it is not compared until it has moved over `memory` (rad). at_rest: whether friction is
+    known while the axis rests.
 
     Raises InputError when the data cannot carry a torque balance: too short, no motion, no torque.
     """
@@ -52,6 +57,12 @@ def prepare(recordings: Sequence[Recording], held_out: bool = True, memory: floa
     band = bands([values[0] for _, values in series], period, spacing)
     parts = [_filtered(one, period, band) for one in series]
     dt = band.step * band.stride * period
+    if not at_rest:
+        noise = math.sqrt(2.0 * period * band.motion) * band.position_noise
+        for part in parts:
+            part["resting"] = unknown_friction(
+                part["position"], part["velocity"], band.step * period, band.cutoff, noise
+            )
     stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory)
     step = visible_step([r.position for r in recordings], band.position_noise)
     return DataSet(
@@ -103,7 +114,8 @@ def _filtered(series: Series, period: float, band: Bands) -> dict[str, np.ndarra
     u, *others = (low_pass(x, period, band.motion)[0] for x in (torque, *signals))
     columns = {"t": t, "position": q, "velocity": v, "acceleration": a, "torque": u}
     kept = {name: values[:: band.step] for name, values in columns.items()}
-    return kept | {"signals": np.ascontiguousarray(np.array(others)[:, :: band.step])}
+    kept["signals"] = np.ascontiguousarray(np.array(others)[:, :: band.step])
+    return kept | {"resting": np.zeros(len(kept["t"]), bool)}
 
 
 def _divided(
@@ -122,7 +134,8 @@ def _divided(
     stretches = []
     for part, position, mask, block in zip(parts, positions, masks, numbers, strict=True):
         train, kept = hold_out.divided(mask, edge, hold_out.unknown(position, memory))
-        stretches.append(Stretch(**part, train=train, held_out=kept, piece=block))
+        moves = ~part["resting"][:: band.stride]
+        stretches.append(Stretch(**part, train=train & moves, held_out=kept & moves, piece=block))
     return tuple(stretches)
 
 

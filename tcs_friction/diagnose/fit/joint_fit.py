@@ -139,6 +139,8 @@ def from_believed_law(balance: TorqueBalance, fit: Fit, believed: Axis) -> Axis:
 
     While an effect was missing the law's own numbers may have gone far astray to stand in for it, and find no way back.
     """
+    if fit.axis.friction.term is not believed.friction.term:
+        return fit.axis
     ratios = [fit.axis.friction.values[name] / max(v, 1e-300) for name, v in believed.friction.values.items()]
     if all(1.0 / OTHER_BASIN < ratio < OTHER_BASIN or ratio == 0.0 for ratio in ratios):
         return fit.axis

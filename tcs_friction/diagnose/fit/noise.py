@@ -62,11 +62,12 @@ class ComparedSamples:
 
 def compared_samples(data: DataSet, half_length: int) -> ComparedSamples:
     """The samples of a data set that count in a fit with a whitening filter of `half_length` samples on either side."""
+    usable = data.train | data.resting
     inside = [
-        ndimage.minimum_filter1d(data.train[a:b].astype(np.uint8), 2 * half_length + 1, mode="constant").astype(bool)
+        ndimage.minimum_filter1d(usable[a:b].astype(np.uint8), 2 * half_length + 1, mode="constant").astype(bool)
         for a, b in itertools.pairwise(data.ends)
     ]
-    rows = np.nonzero(np.concatenate(inside))[0]
+    rows = np.nonzero(np.concatenate(inside) & data.train)[0]
     return ComparedSamples(data.dt, data.cutoff, data.ends, data.train, data.held_out, data.piece, half_length, rows)
 
 

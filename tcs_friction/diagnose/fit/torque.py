@@ -66,6 +66,7 @@ class TorqueTerms:
         self.train = data.train
         self.resolution = data.speed_resolution
         self.cache = ResultCache()
+        self.rests = bool(data.resting.any())
 
     def rotor(self, axis: Axis, keep: bool = True) -> tuple[np.ndarray, float]:
         """Torque (n,) that the drive gives at the rotor, and its rms over the train data, N m."""
@@ -80,6 +81,24 @@ class TorqueTerms:
         for group in (_friction(axis), *alone, *([bodies] if bodies else [])):
             total += self._demand(axis, group, keep)
         return np.asarray(total)
+
+    def holding(self, axis: Axis) -> list[np.ndarray]:
+        """Torque (n,), N m, of the drive that neither the inertia nor another term takes up, at all samples of each stretch.
+
+        Where the axis rests, friction without memory is this torque, up to its level.
+        """
+        terms = [
+            item
+            for item in axis.terms
+            if item.term.place in (Place.OPPOSING, Place.BODY) and _stands_alone(item)
+        ]
+        stretches = zip(
+            self.data.stretches, self._motion(axis, True)[1:], self._drive(axis, True)[2:], strict=True
+        )
+        return [
+            torque - axis.inertia * motion[2] - self._evaluate(axis, terms, s, motion, torque)
+            for s, motion, torque in stretches
+        ]
 
     def friction(self, axis: Axis) -> np.ndarray:
         """Friction (n,), N m, and what acts through it."""
@@ -160,16 +179,20 @@ class TorqueTerms:
         loaded = any("torque" in item.term.reads for item in group)
         bodily = group[0].term.place is Place.BODY
 
+        held = self.rests and any(item.term.place is Place.LAW for item in group)
+
         def compute() -> tuple[np.ndarray, ...]:
             stretches, motions = self.data.stretches, self._motion(axis, keep)[1:]
             torques = self._drive(axis, keep)[2:] if loaded else [s.torque for s in stretches]
-            return (self._narrowed_demands(axis, group, motions, torques),)
+            holding = self.holding(axis) if held else None
+            return (self._narrowed_demands(axis, group, motions, torques, holding),)
 
         key = (
             _key(group),
             _key(_at(axis, Place.SENSOR)),
-            _key(_at(axis, Place.DRIVE)) if loaded else None,
-            axis.inertia if bodily else None,
+            _key(_at(axis, Place.DRIVE)) if loaded or held else None,
+            axis.inertia if bodily or held else None,
+            _key(axis.effects) if held else None,
         )
         return self.cache.get(key, compute, keep)[0]
 
@@ -179,20 +202,35 @@ class TorqueTerms:
         return self.data.dt / self.data.stride
 
     def _narrowed_demands(
-        self, axis: Axis, terms: Sequence[Instance], motions: Sequence[np.ndarray], torques: Sequence[np.ndarray]
+        self,
+        axis: Axis,
+        terms: Sequence[Instance],
+        motions: Sequence[np.ndarray],
+        torques: Sequence[np.ndarray],
+        holding: Sequence[np.ndarray] | None = None,
     ) -> np.ndarray:
         """What some terms demand at the compared samples of all stretches, under these torques at the rotor."""
-        stretches = zip(self.data.stretches, motions, torques, strict=True)
+        stretches = zip(self.data.stretches, motions, torques, holding or torques, strict=True)
         return np.concatenate(
-            [self.data.narrowed(self._evaluate(axis, terms, s, motion, torque)) for s, motion, torque in stretches]
+            [
+                self.data.narrowed(self._evaluate(axis, terms, s, motion, torque, holds))
+                for s, motion, torque, holds in stretches
+            ]
         )
 
     def _evaluate(
-        self, axis: Axis, terms: Sequence[Instance], s: Stretch, motion: np.ndarray, torque: np.ndarray
+        self,
+        axis: Axis,
+        terms: Sequence[Instance],
+        s: Stretch,
+        motion: np.ndarray,
+        torque: np.ndarray,
+        holding: np.ndarray | None = None,
     ) -> np.ndarray:
         """`machine.evaluate_demand` of some terms over every sample of a stretch."""
         built, out = self._built(axis, terms, motion), np.empty(len(s.t))
-        machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, out)
+        holds = torque if holding is None else holding
+        machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, s.resting, holds, out)
         return out
 
     def _built(self, axis: Axis, terms: Sequence[Instance], motion: np.ndarray) -> machine.Machine:

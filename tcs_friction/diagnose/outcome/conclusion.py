@@ -18,7 +18,7 @@ from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
-from tcs_friction.diagnose.fit.parameters import Form, amplitudes
+from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.free_run import free_run, usable_horizon
@@ -28,6 +28,8 @@ from tcs_friction.diagnose.outcome.statement import statement
 from tcs_friction.diagnose.remainder.maps import Structure
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.harmonics import added_effects
+from tcs_friction.diagnose.search.hypotheses import Kind
+from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.rivals import Contest
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.outcome import Outcome
@@ -45,7 +47,7 @@ class Explanation:
     """What search and remainder found.
 
     retuned: fit of what the model has alone. improved: fit with effects and map. structure: what the effects leave, or what a map
-    stands for. rounds: candidates of each round. contests: of every effect found.
+    stands for. rounds: candidates of each round. contests: of every effect found. lacks: of the believed friction law.
     """
 
     retuned: Fit
@@ -53,6 +55,7 @@ class Explanation:
     structure: Structure | None
     rounds: tuple[tuple[Candidate, ...], ...] = ()
     contests: tuple[Contest, ...] = ()
+    lacks: tuple[Lack, ...] = ()
 
     def contest(self, item: Instance) -> Contest | None:
         """The contest of an effect, None if there was none."""
@@ -79,7 +82,8 @@ class _Conclusion:
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
         located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
         items = [item for item in added_effects(fit.axis, believed) if not item.term.tabulated]
-        found = tuple(sorted(map(self._found, items), key=lambda f: -f.torque_rms))
+        parts = [*map(self._found, items), *map(self._lacked, self.explanation.lacks)]
+        found = tuple(sorted(parts, key=lambda f: -f.torque_rms))
         floor = noise_floor(self.balance, residuals["improved"])
         unexplained = self._unexplained(errors, floor)
         verdict = self._verdict(errors, unexplained, found)
@@ -166,22 +170,73 @@ class _Conclusion:
         alone = contest.without if contest is not None else self.explanation.retuned
         equivalent = contest.equivalent if contest is not None else ()
         gain = contest.gain if contest is not None else 0.0
+        kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
+        torque = self._residual(fit.axis.without_effect(item)) - self._residual(fit.axis)
+        return self._proven(item, kinds, self._parameters(item), torque, alone, gain, fit.numbers_of(item))
+
+    def _lacked(self, lack: Lack) -> Found:
+        """What the believed law lacks of the improved axis' law, with its proof."""
+        fit = self.explanation.improved
+        torque = self._residual(lack.without.axis) - self._residual(fit.axis)
+        count = max(len(fit.free) - len(lack.without.free), 1)
+        return self._proven(
+            lack.effect, (), self._parameters_of_law(lack), torque, lack.without, lack.gain, count
+        )
+
+    def _proven(
+        self,
+        item: Instance,
+        equivalent: tuple[Kind, ...],
+        parameters: Mapping[str, Mapping[str, Any]],
+        torque: np.ndarray,
+        alone: Fit,
+        gain: float,
+        count: int,
+    ) -> Found:
+        """An effect with this torque (n,), which `count` free numbers and this gain tell from the fit without it."""
+        fit = self.explanation.improved
         before, after = self._residual(alone.axis), self._residual(fit.axis)
         held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
-        penalty = fit.numbers_of(item) * math.log(self.balance.samples.effective_count)
+        penalty = count * math.log(self.balance.samples.effective_count)
         certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
-        kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
         return Found(
             instance=item,
-            equivalent=kinds,
-            probability=certainty / (1 + len(kinds)),
-            parameters=self._parameters(item),
+            equivalent=equivalent,
+            probability=certainty / (1 + len(equivalent)),
+            parameters=parameters,
             where=where(item, fit.axis),
-            torque_rms=rms(self._residual(fit.axis.without_effect(item)) - after),
+            torque_rms=rms(torque),
             before=rms(before[held]),
             after=rms(after[held]),
             delta_bic=penalty - gain,
         )
+
+    def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
+        """What a law says of an effect that completes it, with standard deviations to first order."""
+        fit, term = self.explanation.improved, lack.effect.term
+        covariance = fit.covariance * fit.squares.dispersion
+
+        def stated(axis: Axis) -> dict[str, float]:
+            return dict(term.of_law(axis.friction.values))
+
+        here = stated(fit.axis)
+        slopes = {
+            name: np.array(
+                [
+                    (stated(moved(fit.axis, fit.free, k, n.step))[name] - value) / n.step
+                    for k, n in enumerate(fit.free)
+                ]
+            )
+            for name, value in here.items()
+        }
+        return {
+            name: {
+                "value": value,
+                "std": math.sqrt(max(float(slopes[name] @ covariance @ slopes[name]), 0.0)),
+                "unit": term.parameter(name).unit_for(fit.axis.kind),
+            }
+            for name, value in here.items()
+        }
 
     def _parameters(self, item: Instance) -> dict[str, dict[str, Any]]:
         """Value, standard deviation and unit of every parameter that was free."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from tcs_friction.diagnose.search.matched_filter import same_wave
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Place, Role
+from tcs_friction.physics.terms import Instance, Place, Role, Survey
 
 LARGEST_TORQUE = 1.2  # of the logged torque's rms: an effect that is larger cancels against another one
 LEAST_OWN_GAIN = 0.5  # of the least gain that counts, that an effect's own torque must have: it cannot gain more by itself
@@ -91,11 +92,17 @@ def _out_of_range(balance: TorqueBalance, base: Axis, item: Instance) -> Doubt |
         near = AT_BOUND * abs(value)
         if abs(value - parameter.lower) < near or abs(value - parameter.upper) < near:
             return Doubt.AT_BOUND
-    scans = item.term.scan(survey(balance, base))
+    view = survey(balance, base)
+    return None if within_search(item, view, item.values) else Doubt.NOT_RESOLVED
+
+
+def within_search(item: Instance, view: Survey, names: Collection[str]) -> bool:
+    """Whether these values of a term are near those that it is searched at in such a recording; beyond them it cannot be told."""
+    scans = item.term.scan(view)
     for name in scans[0] if len(scans) else ():
         searched = {scan[name] for scan in scans}
-        given = item.values[name] != item.term.parameter(name).default
+        given = name in names and item.values[name] != item.term.parameter(name).default
         lowest, highest = min(searched) / SEARCH_MARGIN, max(searched) * SEARCH_MARGIN
         if given and len(searched) > 2 and not lowest < item.values[name] < highest:
-            return Doubt.NOT_RESOLVED
-    return None
+            return False
+    return True

@@ -1,7 +1,8 @@
-"""Stepwise selection of effects: forward by the best confirmed candidate, backward by what no longer earns its place.
+"""Stepwise selection: forward by the best confirmed candidate, backward by what no longer earns its place.
 
-In: the retuned fit. Out: a `Selection`: the chosen fit and the candidates of every round. The noise model is estimated anew
-with each fit that is kept; inside a round all fits share one, so that their squares can be compared.
+In: the retuned fit. Out: a `Selection`: the chosen fit and the candidates of every round. Before any effect is added, and again
+after each one, other friction laws compete with the effects: what a wrong law leaves behind looks like effects. The noise model
+is estimated anew with each fit that is kept; inside a round all fits share one, so that their squares can be compared.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy import ndimage
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, fit_without, from_believed_law, settle
+from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candidate, fitted_candidates
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
@@ -30,9 +32,17 @@ from tcs_friction.diagnose.search.hypotheses import (
     pattern_search,
     starts,
 )
+from tcs_friction.diagnose.search.laws import law_candidates, other_laws, simplest_law
 from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
-from tcs_friction.diagnose.search.significance import FALSE_ALARM, chance, imperfection, threshold
+from tcs_friction.diagnose.search.significance import (
+    DISTINGUISHABLE,
+    FALSE_ALARM,
+    NOISE_SHARE,
+    chance,
+    imperfection,
+    threshold,
+)
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance
@@ -47,9 +57,14 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The fit of what the model has alone, the fit with the effects chosen, and the candidates of each round, best first."""
+    """What a search chose.
+
+    retuned: fit of what the model has alone. base: the same with the friction law that serves best. chosen: with the effects
+    chosen. rounds: candidates of each round, best first.
+    """
 
     retuned: Fit
+    base: Fit
     chosen: Fit
     rounds: tuple[tuple[Candidate, ...], ...] = ()
 
@@ -64,32 +79,60 @@ def select_effects(
     retuned: Fit,
     believed: Axis,
     excluded: frozenset[str],
-    enough: Callable[[Fit], bool],
+    enough: Callable[[Fit, Fit], bool],
     progress: Progress,
 ) -> Selection:
-    """Add effects to the retuned fit while they earn their place.
+    """Add effects to the retuned fit, and change its friction law, while that earns its place.
 
     believed: the axis as its file gives it. excluded: ids of effects that the data cannot carry. enough: asked from the second
-    effect on, whether to go on makes no sense. progress: may raise to cancel.
+    effect on with the base and the fit, whether to go on makes no sense. progress: may raise to cancel.
     """
-    fit, rounds = retuned, list[tuple[Candidate, ...]]()
+    base, fit, rounds = retuned, retuned, list[tuple[Candidate, ...]]()
     alternatives: dict[Kind, float] = {}
     for number in range(MOST_EFFECTS):
         progress(0.2 + 0.1 * number, f"round {number + 1}: {len(fit.axis.effects)} effects")
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
-        rounds.append(tuple(candidates))
         best = candidates[0] if candidates else None
-        if best is None or best.score <= 0.0 or best.gain < imperfection(retuned, fit, balance):
+        law = _better_law(balance, fit, 0.0 if best is None else max(best.score, 0.0))
+        if law is not None:
+            base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
+            fit = settle(balance, law.axis, law.noise, rounds=2)
+            fit = pruned(balance, fit, base, alternatives)
+            candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
+            best = candidates[0] if candidates else None
+        rounds.append(tuple(candidates))
+        if best is None or best.score <= 0.0 or best.gain < imperfection(base, fit, balance):
             break
         new = {item.identity for item in best.items} if len(best.items) == 1 else set()
         earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
         fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
         fit = with_harmonics_joined(balance, _placed_again(balance, fit, earlier), retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
-        fit = pruned(balance, fit, retuned, alternatives)
-        if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(fit):
+        fit = pruned(balance, fit, base, alternatives)
+        if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
             break
-    return Selection(retuned, fit, tuple(rounds))
+    return Selection(retuned, base, fit, tuple(rounds))
+
+
+def _better_law(balance: TorqueBalance, fit: Fit, score: float) -> Fit | None:
+    """The fit with another friction law that does better than an effect with this score, None where there is none.
+
+    Where the residual is as small as its noise no law is looked for.
+    """
+    found = misfit(balance, balance.residual(fit.axis, fit.noise))
+    if found < 1.0 + NOISE_SHARE:
+        return None
+    best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis)))
+    if best is None or best.score < score + DISTINGUISHABLE * found:
+        return None
+    return best.fit
+
+
+def _without_added(axis: Axis, base: Axis) -> Axis:
+    """The axis without the effects that another one does not have."""
+    for item in added_effects(axis, base):
+        axis = axis.without_effect(item)
+    return axis
 
 
 def one_round(balance: TorqueBalance, fit: Fit, excluded: frozenset[str] = frozenset()) -> list[Candidate]:
@@ -164,14 +207,14 @@ def pruned(
 ) -> Fit:
     """Drop effects beyond those of the retuned fit that no longer earn their place, or that cannot be beside the others.
 
-    `alternatives`: for each kind of effect, among how many it was found. A lone effect has just earned its place; what others
-    leave behind has not.
+    `alternatives`: for each kind of effect, among how many it was found. A lone effect has just earned its place, if it is still
+    what it says; what others leave behind has not.
     """
     alternatives = alternatives or {}
-    fewest = 1
-    while len(added_effects(fit.axis, retuned.axis)) > fewest:
-        fewest = 0
-        items = added_effects(fit.axis, retuned.axis)
+    items = added_effects(fit.axis, retuned.axis)
+    if len(items) == 1 and doubt(balance, fit, items[0], fit.axis) is None:
+        return fit
+    while items := added_effects(fit.axis, retuned.axis):
         fewer = side_by_side(partial(fit_without, balance, fit), items)
         margins = []
         for item, alone in zip(items, fewer, strict=True):

@@ -54,6 +54,10 @@ def rate(values: Mapping[str, float], inertia: float) -> float:
     return spring_rate(values["stiffness"], values["damping"], inertia)
 
 
+def of_law(values: Mapping[str, float]) -> Mapping[str, float]:
+    return {name: values[name] for name in ("stiffness", "damping") if name in values}
+
+
 TERM = Term(
     id="presliding",
     place=Place.OPPOSING,
@@ -70,6 +74,7 @@ TERM = Term(
     coordinate="time_since_reversal",
     rank=-1,
     scan=scan,
+    of_law=of_law,
     needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS}),
     rate=rate,
 )

@@ -35,6 +35,11 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     ]
 
 
+def of_law(values: Mapping[str, float]) -> Mapping[str, float]:
+    drop = max(values["static"] - values["coulomb"], 0.0)
+    return {"drop": drop} | {name: values[name] for name in ("stribeck_velocity",) if name in values}
+
+
 TERM = Term(
     id="stribeck",
     place=Place.SCALE,
@@ -56,5 +61,6 @@ TERM = Term(
     reads=(),
     coordinate="velocity",
     scan=scan,
+    of_law=of_law,
     needs=frozenset({Need.SPEEDS}),
 )

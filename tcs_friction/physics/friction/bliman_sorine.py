@@ -10,10 +10,10 @@ and falls to coulomb over the long one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT, scaled
+from tcs_friction.physics.friction.lugre import COULOMB, VISCOUS_COEFFICIENT, bristle_widths, scaled
 from tcs_friction.physics.terms import (
     DRY,
     LEVEL,
@@ -25,10 +25,13 @@ from tcs_friction.physics.terms import (
     Feature,
     Parameter,
     Place,
+    Survey,
     Term,
     kernel,
     spring_rate,
 )
+
+USUAL_TRANSIENT = 0.4  # times Coulomb friction, where a search starts
 
 
 @kernel
@@ -46,6 +49,13 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     motion[LEVEL] = level
     motion[MOBILISED] = min(max(motion[DRY] / level, -1.0), 1.0)
     return float(motion[DRY] + motion[VISCOUS])
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {"transient": USUAL_TRANSIENT * survey.level, "presliding_distance": width}
+        for width in bristle_widths(survey)
+    ]
 
 
 def rate(values: Mapping[str, float], inertia: float) -> float:
@@ -83,6 +93,7 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=2,
+    scan=scan,
     rate=rate,
     bristle=bristle,
 )

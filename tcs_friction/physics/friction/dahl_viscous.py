@@ -5,6 +5,7 @@ dz/dt = v - stiffness |v| / coulomb z,   F = stiffness z + viscous v
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tcs_friction.physics.friction.lugre import (
@@ -13,6 +14,7 @@ from tcs_friction.physics.friction.lugre import (
     VISCOUS_COEFFICIENT,
     bristle,
     bristle_step,
+    bristle_widths,
     level_before,
     rate,
     scaled,
@@ -26,6 +28,7 @@ from tcs_friction.physics.terms import (
     VISCOUS,
     VISCOUS_SCALE,
     Place,
+    Survey,
     Term,
     kernel,
 )
@@ -44,6 +47,10 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(motion[DRY] + motion[VISCOUS])
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [{"stiffness": survey.level / width} for width in bristle_widths(survey)]
+
+
 TERM = Term(
     id="dahl_viscous",
     place=Place.LAW,
@@ -52,6 +59,7 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=1,
+    scan=scan,
     rate=rate,
     bristle=bristle,
 )

@@ -11,7 +11,7 @@ over the travel g/stiffness, and follows a level that changes. The step is stabl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from numba import njit
@@ -30,13 +30,18 @@ from tcs_friction.physics.terms import (
     Parameter,
     Place,
     Role,
+    Survey,
     Term,
+    geometric,
     kernel,
     spring_rate,
 )
 
 VANISHED = 40.0  # exponent beyond which a bell curve is below rounding
 SHORT = 0.1  # bristle widths that a short step travels
+USUAL_STATIC = (
+    1.4  # times Coulomb friction, where a search starts: 1.1 to 2 are reported (Armstrong-Helouvry 1994)
+)
 
 
 @njit(cache=True, error_model="numpy")
@@ -133,6 +138,37 @@ def bristle(values: Mapping[str, float]) -> float:
     return values["coulomb"] / values["stiffness"]
 
 
+def bristle_widths(survey: Survey) -> list[float]:
+    """Travels (rad) over which friction may build up: that of the axis' own bristles, else from the position's noise on."""
+    if survey.bristle > 0.0:
+        return [survey.bristle]
+    return geometric(max(10.0 * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9)
+
+
+def stribeck_velocities(survey: Survey) -> list[float]:
+    """Speeds (rad/s) over which friction may fall from static to Coulomb: those that the axis moves at, but the fastest."""
+    return geometric(max(survey.slow, 1e-4 * survey.fast), 0.3 * survey.fast, 6)
+
+
+def damping_shares() -> tuple[float, float]:
+    """Bristle damping over sqrt(stiffness inertia): hardly any, and half the critical one."""
+    return 0.01, 1.0
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {
+            "static": USUAL_STATIC * survey.level,
+            "stribeck_velocity": velocity,
+            "stiffness": survey.level / width,
+            "damping": share * math.sqrt(survey.level / width * survey.inertia),
+        }
+        for width in bristle_widths(survey)
+        for share in damping_shares()
+        for velocity in stribeck_velocities(survey)
+    ]
+
+
 COULOMB = Parameter("coulomb", "N m", "friction torque of steady sliding", lower=1e-12, feature=Feature.DRY)
 STATIC = Parameter(
     "static", "N m", "largest friction torque before sliding", lower=1e-12, feature=Feature.STRIBECK
@@ -168,6 +204,7 @@ TERM = Term(
     reads=(),
     states=1,
     warn=warnings,
+    scan=scan,
     rate=rate,
     bristle=bristle,
     usual=True,

@@ -9,7 +9,7 @@ bristle the memory is not lost inside a hysteresis loop: small loops close (nonl
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tcs_friction.physics.friction.lugre import (
@@ -17,11 +17,14 @@ from tcs_friction.physics.friction.lugre import (
     STATIC,
     STIFFNESS,
     STRIBECK_VELOCITY,
+    USUAL_STATIC,
     VISCOUS_COEFFICIENT,
     bristle,
+    bristle_widths,
     rate,
     scaled,
     stribeck_level,
+    stribeck_velocities,
 )
 from tcs_friction.physics.terms import (
     DRY,
@@ -34,6 +37,7 @@ from tcs_friction.physics.terms import (
     Parameter,
     Place,
     Role,
+    Survey,
     Term,
     kernel,
 )
@@ -69,6 +73,18 @@ def element_count(values: Mapping[str, float], dt: float) -> int:
     return 2 * round(values["elements"]) + 1
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {
+            "static": USUAL_STATIC * survey.level,
+            "stribeck_velocity": velocity,
+            "stiffness": survey.level / width,
+        }
+        for width in bristle_widths(survey)
+        for velocity in stribeck_velocities(survey)
+    ]
+
+
 TERM = Term(
     id="maxwell_slip",
     place=Place.LAW,
@@ -87,6 +103,7 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=element_count,
+    scan=scan,
     rate=rate,
     bristle=bristle,
 )

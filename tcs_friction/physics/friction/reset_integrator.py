@@ -6,6 +6,8 @@ F = static / coulomb stiffness p + damping dp/dt while it holds, coulomb sign(v)
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tcs_friction.physics.friction.lugre import (
@@ -13,8 +15,11 @@ from tcs_friction.physics.friction.lugre import (
     DAMPING,
     STATIC,
     STIFFNESS,
+    USUAL_STATIC,
     VISCOUS_COEFFICIENT,
     bristle,
+    bristle_widths,
+    damping_shares,
     rate,
     scaled,
 )
@@ -27,6 +32,7 @@ from tcs_friction.physics.terms import (
     VISCOUS,
     VISCOUS_SCALE,
     Place,
+    Survey,
     Term,
     kernel,
 )
@@ -49,6 +55,18 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(motion[DRY] + motion[VISCOUS])
 
 
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {
+            "static": USUAL_STATIC * survey.level,
+            "stiffness": survey.level / width,
+            "damping": share * math.sqrt(survey.level / width * survey.inertia),
+        }
+        for width in bristle_widths(survey)
+        for share in damping_shares()
+    ]
+
+
 TERM = Term(
     id="reset_integrator",
     place=Place.LAW,
@@ -57,6 +75,7 @@ TERM = Term(
     kernel=friction,
     reads=(),
     states=1,
+    scan=scan,
     rate=rate,
     bristle=bristle,
 )

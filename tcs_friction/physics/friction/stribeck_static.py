@@ -7,13 +7,21 @@ Armstrong-Helouvry (1994) reports 0.5 to 2 for other lubrications.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from numba import njit
 
 from tcs_friction.physics.friction.coulomb_viscous import static_friction, viscous_rate
-from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
-from tcs_friction.physics.terms import VELOCITY, Feature, Parameter, Place, Term, kernel
+from tcs_friction.physics.friction.lugre import (
+    COULOMB,
+    STATIC,
+    STRIBECK_VELOCITY,
+    USUAL_STATIC,
+    VISCOUS_COEFFICIENT,
+    stribeck_velocities,
+)
+from tcs_friction.physics.terms import VELOCITY, Feature, Parameter, Place, Survey, Term, kernel
 
 
 @njit(cache=True, error_model="numpy")
@@ -28,6 +36,13 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     coulomb, static, stribeck_velocity, viscous, exponent = parameters[:5]
     fall = stribeck_fall(motion[VELOCITY] / stribeck_velocity, exponent)
     return float(static_friction(motion, coulomb + (static - coulomb) * fall, viscous))
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {"static": USUAL_STATIC * survey.level, "stribeck_velocity": velocity}
+        for velocity in stribeck_velocities(survey)
+    ]
 
 
 TERM = Term(
@@ -52,5 +67,6 @@ TERM = Term(
     ),
     kernel=friction,
     reads=(),
+    scan=scan,
     rate=viscous_rate,
 )

@@ -1,0 +1,209 @@
+"""The friction law as a question of its own: does another law explain the recording better than the one that is believed?
+
+In: a fit. Out: a `LawCandidate`, the same axis with another friction law, fitted jointly with all else, and what its gain is
+worth. A law starts from the fit's own values where the two have parameters of one name, and from its own `scan` for the rest.
+Each start is judged by the residual that it leaves with everything projected out that retuning explains; the best ones of every
+law are fitted jointly.
+
+What the believed law lacks are the features (`Feature`) of the better law that it does not have. Each has an effect in the
+vocabulary that completes a law by it, and is named only if no law without that feature does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, settle
+from tcs_friction.diagnose.fit.noise_estimate import misfit
+from tcs_friction.diagnose.parallel import side_by_side
+from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_as_fitted
+from tcs_friction.diagnose.search.plausibility import within_search
+from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, chance, threshold
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effects, laws
+from tcs_friction.physics.terms import Feature, Instance, Role, Survey, Term, instance
+
+STARTS = 2  # of each law that are fitted jointly
+FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of the best start of each law
+LEAST_VISCOUS = (
+    1e-3  # of the dry friction at the fastest speed: where a law's linear part starts that was zero
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LawCandidate:
+    """An axis with another friction law after a joint fit.
+
+    gain: drop of squares in units of the noise. threshold: gain that chance would give.
+    """
+
+    fit: Fit
+    gain: float
+    threshold: float
+
+    @property
+    def law(self) -> Term:
+        """The friction law."""
+        return self.fit.axis.friction.term
+
+    @property
+    def score(self) -> float:
+        """Gain beyond chance; positive: worth taking."""
+        return self.gain - self.threshold
+
+
+@dataclass(frozen=True, eq=False)
+class Lack:
+    """What a believed law lacks of a better one: the effect that completes it, as the better law has it.
+
+    without: the fit with the best law that lacks it, too. gain: drop of squares by it, in units of the noise.
+    """
+
+    effect: Instance
+    without: Fit
+    gain: float
+
+
+def other_laws(axis: Axis) -> list[Term]:
+    """The laws that can take the place of an axis' own: they have all of its features, and the load is no part of them.
+
+    What grows with the load is an effect of its own.
+    """
+    own = axis.friction.term
+    return [
+        term
+        for term in laws().values()
+        if term is not own and term.features >= own.features and "torque" not in term.reads
+    ]
+
+
+def law_candidates(balance: TorqueBalance, fit: Fit, terms: Sequence[Term]) -> list[LawCandidate]:
+    """Each of these laws in the place of a fit's own, fitted jointly, best first."""
+    projected = ProjectedResidual(balance, fit)
+    view = survey(balance, fit.axis)
+    starts = [
+        (term, axis)
+        for term in terms
+        for axis in _best_starts(projected, starting_axes(fit.axis, term, view))
+    ]
+    first = side_by_side(lambda pair: fit_jointly(balance, pair[1], fit.noise, FIRST_STEPS), starts)
+    best: dict[str, Fit] = {}
+    for (term, _), one in zip(starts, first, strict=True):
+        if term.id not in best or best[term.id].squares - one.squares > 0.0:
+            best[term.id] = one
+    finished = side_by_side(lambda one: fit_jointly(balance, one.axis, fit.noise, MORE_STEPS), best.values())
+    alternatives = float(max(len(starts), 1))
+    judged = side_by_side(partial(_judged, balance, fit, view, projected.dispersion, alternatives), finished)
+    return sorted(judged, key=lambda candidate: -candidate.score)
+
+
+def simplest_law(balance: TorqueBalance, candidates: Sequence[LawCandidate]) -> LawCandidate | None:
+    """The best law; of those that the data cannot tell from it the one with the fewest free numbers.
+
+    None where none is better.
+    """
+    better = [candidate for candidate in candidates if candidate.score > 0.0]
+    if not better:
+        return None
+    best = max(better, key=lambda candidate: candidate.score)
+    same = DISTINGUISHABLE * misfit(balance, balance.residual(best.fit.axis, best.fit.noise))
+    close = [candidate for candidate in better if candidate.score > best.score - same]
+    return min(close, key=lambda candidate: (len(candidate.fit.free), -candidate.score))
+
+
+def starting_axes(axis: Axis, term: Term, view: Survey) -> list[Axis]:
+    """The axis with another law, at every distinct start; what the two laws call alike keeps its value."""
+    known = axis.friction.values
+    linear = LEAST_VISCOUS * view.level / max(view.fast, 1e-300)
+
+    def value(name: str, scanned: Mapping[str, float]) -> float | None:
+        parameter = term.parameter(name)
+        own = known.get(name, 0.0)
+        if own > 0.0 or (name in known and parameter.role is Role.FIXED):
+            return own
+        if name in scanned:
+            return scanned[name]
+        return linear if parameter.role is Role.LINEAR else parameter.default
+
+    found: dict[tuple[float | None, ...], Axis] = {}
+    for scanned in term.scan(view):
+        values = {p.name: value(p.name, scanned) for p in term.parameters}
+        given = {name: number for name, number in values.items() if number is not None}
+        key = tuple(values.values())
+        if key not in found:
+            found[key] = replace(axis, friction=instance(term, given))
+    return list(found.values())
+
+
+def _best_starts(projected: ProjectedResidual, axes: Sequence[Axis]) -> list[Axis]:
+    """The axes that leave least of the residual once everything is projected out that retuning explains."""
+
+    def left(axis: Axis) -> float:
+        residual = projected.balance.residual(axis, projected.noise, keep=False)
+        white = projected.project(projected.noise.whiten(residual))
+        return float(white @ white)
+
+    squares = side_by_side(left, axes)
+    return [axes[k] for k in np.argsort(squares)[:STARTS]]
+
+
+def _judged(
+    balance: TorqueBalance, base: Fit, view: Survey, dispersion: float, alternatives: float, fit: Fit
+) -> LawCandidate:
+    """What a fit with another law is worth beside the base, confirmed in more than one piece of the data.
+
+    A law whose new values the recording cannot show is worth nothing.
+    """
+    extra = max(len(fit.free) - len(base.free), 1)
+    before, after = squares_as_fitted(balance, base), squares_as_fitted(balance, fit)
+    gains = (before.white - after.white) / dispersion
+    gain = float(base.squares - fit.squares) / dispersion
+    needed = threshold(balance, [fit.axis.friction.term], extra, alternatives)
+    grown = after.plain.sum() > PLAIN_GROWTH * before.plain.sum()
+    new = [
+        p.name
+        for p in fit.axis.friction.term.parameters
+        if not base.axis.friction.values.get(p.name, 0.0) > 0.0
+    ]
+    if (
+        grown
+        or not within_search(fit.axis.friction, view, new)
+        or float(gains.sum() - gains.max()) < chance(extra, alternatives)
+    ):
+        gain = min(gain, 0.0)
+    return LawCandidate(fit, gain, needed)
+
+
+def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[Lack, ...]]:
+    """What a believed law lacks of the law of a fit, and the fit; with a simpler law where that does as well."""
+    own, found = believed.friction.term, list[Lack]()
+    better = fit.axis.friction.term
+    for effect, features in missing_features(better, own).items():
+        simpler = [law for law in (own, *other_laws(believed)) if not law.features & features]
+        fits = [candidate.fit for candidate in law_candidates(balance, fit, simpler)]
+        without = min(fits, key=lambda one: one.squares - fit.squares)
+        gain = (without.squares - fit.squares) / fit.squares.dispersion
+        if gain < threshold(balance, [better], max(len(fit.free) - len(without.free), 1)):
+            return lacks(balance, settle(balance, without.axis, without.noise, rounds=1), believed)
+        found.append(Lack(completing(effect, fit.axis.friction), without, gain))
+    return fit, tuple(found)
+
+
+def missing_features(better: Term, believed: Term) -> dict[Term, frozenset[Feature]]:
+    """The effects that complete a believed law by what a better one has, and the features that each of them stands for."""
+    missing = better.features - believed.features
+    shared = {term: term.features & missing for term in effects().values()}
+    return {term: features for term, features in shared.items() if features}
+
+
+def completing(term: Term, law: Instance) -> Instance:
+    """The effect that has of a law what it completes; what the law does not say is as small as it can be."""
+    known = dict(term.of_law(law.values))
+    rest = {p.name: max(p.lower, 0.0) for p in term.parameters if p.default is None and p.name not in known}
+    return instance(term, known | rest)
