@@ -22,12 +22,13 @@ from tcs_friction.diagnose.dataset.checks import check_units
 from tcs_friction.diagnose.dataset.excitation import barred
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
-from tcs_friction.diagnose.outcome.conclusion import Explanation, conclude
+from tcs_friction.diagnose.outcome.conclusion import conclude
+from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
-from tcs_friction.diagnose.search.laws import lacks
+from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory
 from tcs_friction.diagnose.search.rivals import contested
 from tcs_friction.diagnose.search.stepwise import (
     Progress,
@@ -35,6 +36,7 @@ from tcs_friction.diagnose.search.stepwise import (
     beyond_remaining_spectrum,
     select_effects,
 )
+from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.recording import Recording
 
 FORGOTTEN = 10.0  # bristle deflections, after which exp(-10) is left of how friction was bent before the recording
@@ -52,14 +54,14 @@ def diagnose(
     Raises InputError when the recordings cannot carry a torque balance.
     """
     progress(0.02, "conditioning the recording")
-    data = prepare(
-        recordings, memory=FORGOTTEN * file.axis.bristle, at_rest=not file.axis.friction.term.without_memory
-    )
+    data = prepare(recordings, memory=FORGOTTEN * file.axis.bristle, at_rest=not file.axis.friction.term.without_memory)
     check_units(data, file.axis)
     balance = TorqueBalance(data, file.axis.actuation_delay)
 
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
+    balance, retuned = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
+    data = balance.data
 
     remainder = lru_cache(maxsize=1)(partial(remainder_of, balance))  # the search and the next stage ask of one fit
     selection = select_effects(
@@ -75,19 +77,34 @@ def diagnose(
     left = remainder(selection.base, selection.chosen)
     if left.instead is None:
         left = remainder(selection.base, beyond_remaining_spectrum(balance, selection.chosen, retuned))
-    explanation = _explanation(balance, selection, left, progress)
+    explanation = _explanation(balance, file.axis, selection, left, progress)
 
     progress(0.92, "proving on held-out data")
     return conclude(balance, file, explanation)
 
 
+def _unless_contradicted_at_rest(
+    recordings: Sequence[Recording], believed: Axis, balance: TorqueBalance, retuned: Fit
+) -> tuple[TorqueBalance, Fit]:
+    """Balance and retuned fit, of a law without memory where the recording contradicts the law's memory at rest.
+
+    Nothing is then compared where such friction is unknown.
+    """
+    if retuned.axis.friction.term.without_memory:
+        return balance, retuned
+    other = TorqueBalance(prepare(recordings, at_rest=False), balance.stated_delay)
+    again = settle(other, believed, white_noise(other.samples), rounds=1)
+    law = law_without_memory(other, again) if contradicted_at_rest(other, retuned, again) else None
+    return (balance, retuned) if law is None else (other, settle(other, law.axis, law.noise, rounds=2))
+
+
 def _explanation(
-    balance: TorqueBalance, selection: Selection, left: Remainder, progress: Progress
+    balance: TorqueBalance, believed: Axis, selection: Selection, left: Remainder, progress: Progress
 ) -> Explanation:
     """The map that stands for all effects, or the effects after their contests with a map for the rest."""
     if left.instead is not None:
         return Explanation(selection.retuned, left.instead.fit, left.instead.structure, selection.rounds)
-    chosen, lacking = lacks(balance, left.fit, selection.retuned.axis)
+    chosen, lacking = lacks(balance, left.fit, believed)
     kept = Selection(selection.retuned, selection.base, chosen, selection.rounds)
     fit, contests = contested(balance, kept, progress)
     improved = fit if left.structure is None else with_map(balance, fit, left.structure)

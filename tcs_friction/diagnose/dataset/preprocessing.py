@@ -21,7 +21,7 @@ import numpy as np
 from tcs_friction.diagnose.dataset import hold_out
 from tcs_friction.diagnose.dataset.bands import Bands, bands, usual_spacing, visible_step
 from tcs_friction.diagnose.dataset.checks import check
-from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
+from tcs_friction.diagnose.dataset.data_set import MOVING, DataSet, Stretch
 from tcs_friction.diagnose.dataset.filters import low_pass
 from tcs_friction.diagnose.dataset.rest import unknown_friction
 from tcs_friction.errors import InputError
@@ -61,7 +61,7 @@ def prepare(
         noise = math.sqrt(2.0 * period * band.motion) * band.position_noise
         for part in parts:
             part["resting"] = unknown_friction(
-                part["position"], part["velocity"], band.step * period, band.cutoff, noise
+                part["position"], part["velocity"], band.step * period, band.cutoff, noise, MOVING * band.velocity_noise
             )
     stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory)
     step = visible_step([r.position for r in recordings], band.position_noise)

@@ -2,7 +2,8 @@
 
 In: a low-passed motion (n,). Out: a mask. Friction without memory is whatever holds an axis that rests, up to its level
 (Karnopp 1985): it bounds the torque and does not say it. An axis rests where it moves by no more than the noise of its position
-within the time in which a torque that is compared can change. At a reversal such friction jumps by twice its level, and what a
+within the time in which a torque that is compared can change, or where its speed does not stand out of its noise: friction then
+has no direction. At a reversal such friction jumps by twice its level, and what a
 low-passed torque is within the filter's length of the jump hangs on the exact time of it, and on how a real axis passes through
 zero speed.
 """
@@ -25,18 +26,19 @@ AROUND_REVERSAL = (
 
 
 def unknown_friction(
-    position: np.ndarray, velocity: np.ndarray, dt: float, cutoff: float, noise: float
+    position: np.ndarray, velocity: np.ndarray, dt: float, cutoff: float, noise: float, threshold: float
 ) -> NDArray[np.bool_]:
     """(n,) Where friction without memory is unknown.
 
     position (n,): rad, low-passed, at steps of `dt`, s. velocity (n,): rad/s. cutoff: up to which torques are compared, Hz.
-    noise: rad rms that is left in the position.
+    noise: rad rms that is left in the position. threshold: rad/s above which the direction of motion is known.
     """
     window = max(3, math.ceil(REST_PERIODS / (cutoff * dt)))
     spread = ndimage.maximum_filter1d(position, window) - ndimage.minimum_filter1d(position, window)
     still = _widened(spread <= NOISE_RANGE * noise, window // 2)
     turning = np.zeros(len(velocity), bool)
     turning[1:] = velocity[1:] * velocity[:-1] <= 0.0
+    turning |= np.abs(velocity) < threshold
     return np.asarray(still | _widened(turning, math.ceil(AROUND_REVERSAL / (cutoff * dt))))
 
 

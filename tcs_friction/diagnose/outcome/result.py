@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.search.hypotheses import Kind
 from tcs_friction.physics.terms import Instance
@@ -30,7 +32,8 @@ class Found:
 
     equivalent: kinds of effects that these data cannot tell from it, best first. parameters: name -> value, std, unit.
     torque_rms: of the effect over the recording, N m. before, after: held-out rms of the torque residual without and with it,
-    the rest refitted. delta_bic: negative is better.
+    the rest refitted. delta_bic: negative is better. agreement: of independent pieces of the data about it.
+    established: whether it is named; what is not is described.
     """
 
     instance: Instance
@@ -42,6 +45,8 @@ class Found:
     before: float
     after: float
     delta_bic: float
+    agreement: Agreement
+    established: bool
 
     @property
     def effect(self) -> str:
@@ -62,6 +67,12 @@ class Found:
                 "held_out_before": self.before,
                 "held_out_after": self.after,
                 "delta_bic": self.delta_bic,
+            },
+            "agreement": {
+                "multiple": self.agreement.multiple,
+                "std": self.agreement.deviation if math.isfinite(self.agreement.deviation) else None,
+                "pieces": self.agreement.pieces,
+                "explained": self.agreement.explained,
             },
         }
         if self.instance.signal is not None:
@@ -96,6 +107,7 @@ class Diagnosis:
     verdict: Verdict
     statement: str
     effects: tuple[Found, ...]
+    described: tuple[Found, ...]
     unexplained: Unexplained
     noise_floor: float
     believed: Errors
@@ -129,5 +141,6 @@ class Diagnosis:
             "free_run": {"horizon": self.horizon, "position_rms": dict(self.free_run)},
             "atlas": [dict(entry) for entry in self.atlas],
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
+            "described": [found.to_mapping() for found in self.described],
             "limits": list(self.limits),
         }

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, settle
 from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
@@ -31,9 +31,8 @@ from tcs_friction.physics.terms import Feature, Instance, Role, Survey, Term, in
 
 STARTS = 2  # of each law that are fitted jointly
 FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of the best start of each law
-LEAST_VISCOUS = (
-    1e-3  # of the dry friction at the fastest speed: where a law's linear part starts that was zero
-)
+CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
+LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts that was zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +100,28 @@ def law_candidates(balance: TorqueBalance, fit: Fit, terms: Sequence[Term]) -> l
     alternatives = float(max(len(starts), 1))
     judged = side_by_side(partial(_judged, balance, fit, view, projected.dispersion, alternatives), finished)
     return sorted(judged, key=lambda candidate: -candidate.score)
+
+
+def contradicted_at_rest(moving: TorqueBalance, fit: Fit, moving_fit: Fit) -> bool:
+    """Whether what a law with memory says of the axis at rest keeps it from explaining its motion.
+
+    moving: balance in which nothing is compared where friction without memory is unknown. fit: to all data. moving_fit: to those
+    of `moving`.
+    """
+    left = [moving.residual(x.axis, moving_fit.noise)[moving.train] for x in (fit, moving_fit)]
+    return rms(left[0]) > CONTRADICTED * rms(left[1])
+
+
+def law_without_memory(balance: TorqueBalance, retuned: Fit) -> Fit | None:
+    """The fit with a law without memory, None where the memory of the fit's own law earns its place in motion.
+
+    balance: of a data set in which nothing is compared where such friction is unknown.
+    """
+    terms = [term for term in laws().values() if term.without_memory and "torque" not in term.reads]
+    fits = [candidate.fit for candidate in law_candidates(balance, retuned, terms)]
+    best = min(fits, key=lambda fit: fit.squares - retuned.squares)
+    earned = (best.squares - retuned.squares) / retuned.squares.dispersion
+    return None if earned > threshold(balance, [retuned.axis.friction.term], 1) else best
 
 
 def simplest_law(balance: TorqueBalance, candidates: Sequence[LawCandidate]) -> LawCandidate | None:
@@ -182,10 +203,9 @@ def _judged(
 
 def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[Lack, ...]]:
     """What a believed law lacks of the law of a fit, and the fit; with a simpler law where that does as well."""
-    own, found = believed.friction.term, list[Lack]()
-    better = fit.axis.friction.term
-    for effect, features in missing_features(better, own).items():
-        simpler = [law for law in (own, *other_laws(believed)) if not law.features & features]
+    better, found = fit.axis.friction.term, list[Lack]()
+    for effect, features in missing_features(better, believed.friction.term).items():
+        simpler = [law for law in laws().values() if not law.features & features and "torque" not in law.reads]
         fits = [candidate.fit for candidate in law_candidates(balance, fit, simpler)]
         without = min(fits, key=lambda one: one.squares - fit.squares)
         gain = (without.squares - fit.squares) / fit.squares.dispersion

@@ -115,7 +115,7 @@ def select_effects(
 
 
 def _better_law(balance: TorqueBalance, fit: Fit, score: float) -> Fit | None:
-    """The fit with another friction law that does better than an effect with this score, None where there is none.
+    """The fit with another friction law that does as well as an effect with this score, None where there is none.
 
     Where the residual is as small as its noise no law is looked for.
     """
@@ -123,9 +123,7 @@ def _better_law(balance: TorqueBalance, fit: Fit, score: float) -> Fit | None:
     if found < 1.0 + NOISE_SHARE:
         return None
     best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis)))
-    if best is None or best.score < score + DISTINGUISHABLE * found:
-        return None
-    return best.fit
+    return None if best is None or best.score < score - DISTINGUISHABLE * found else best.fit
 
 
 def _without_added(axis: Axis, base: Axis) -> Axis:

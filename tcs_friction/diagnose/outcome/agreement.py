@@ -1,0 +1,108 @@
+"""How well an effect is established: by its agreement between independent pieces of the data, and by what it leaves.
+
+In: the fits with and without an effect. Out: its `Agreement`.
+
+Significance against white noise grows without limit with the length of a recording, whatever small thing the rest of the model
+misses. Two questions do not:
+
+1. Does the effect come back with the same size? Each piece p of the data has its own least-squares multiple a_p of the torque
+   that was fitted to the train data, 1 where it agrees, and the variance v_p of that by the noise. The pieces differ by more than
+   noise where the model is wrong otherwise: their mean is that of a random-effects meta-analysis,
+
+       a = sum(a_p / (v_p + tau^2)) / sum(1 / (v_p + tau^2))
+
+   with the variance tau^2 between pieces by DerSimonian and Laird (1986) and the standard error by Hartung and Knapp (2001).
+   a over its standard error is Student's t with one degree of freedom less than there are pieces. Held-out pieces count like
+   the others: nothing was fitted to them.
+2. How much of what was not explained before does it explain? An effect that is smaller than what is left may be a part of that.
+   The power that it explains over the power beyond noise that is left, squared, stands for the odds that it is none.
+
+Both together are the probability that a name is right, were there no others that these data cannot tell from it. How often
+names are right that are given with a probability is measured by `./tcs bench concealed`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
+from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.fit.noise_estimate import noise_floor
+
+FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
+FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
+LEAST_LEFT = 1e-3  # of the noise power; odds of less are not better
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What independent pieces of the data say of an effect.
+
+    multiple, deviation: of the fitted torque in independent pieces, mean and its standard error. pieces: how many. explained:
+    share of the power that was not explained without the effect, beyond noise.
+    """
+
+    multiple: float
+    deviation: float
+    pieces: int
+    explained: float
+
+    @property
+    def probability(self) -> float:
+        """That the effect is there, by agreement and by what it leaves."""
+        if self.pieces < FEWEST_PIECES:
+            return self.outweighs
+        t = self.multiple / max(self.deviation, 1e-300)
+        return self.outweighs * (1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1)))
+
+    @property
+    def outweighs(self) -> float:
+        """That it is no part of what is left: odds of the squared ratio of powers."""
+        gone, left = self.explained**2, (1.0 - self.explained) ** 2
+        return gone / (gone + left)
+
+
+def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit) -> Agreement:
+    """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted."""
+    noise, pieces = fit.noise, balance.samples.pieces
+    before, after = (balance.residual(x.axis, noise) for x in (without, fit))
+    white = [noise.whitening.apply(x, balance.samples) * np.sqrt(noise.local_weight) for x in (before, after)]
+    usable = balance.train | balance.held_out
+    change = np.where(usable, white[0] - white[1], 0.0)
+    size = np.bincount(pieces, change**2)
+    together = np.bincount(pieces, change * np.where(usable, white[0], 0.0))
+    level = noise.samples.effective_count / max(len(noise.samples.rows), 1)  # independent samples in one
+    seen = size * level > 0.0
+    multiples, variances = together[seen] / size[seen], 1.0 / (size[seen] * level)
+    mean, deviation = random_effects(multiples, variances)
+    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after))
+
+
+def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
+    """Mean of values (p,) that scatter by more than their variances (p,), and its standard error.
+
+    DerSimonian and Laird (1986), Hartung and Knapp (2001); the standard error is never below that of the noise alone.
+    """
+    if len(values) < FEWEST_PIECES:
+        return (float(np.mean(values)) if len(values) else 0.0), math.inf
+    weights = 1.0 / variances
+    fixed = float(weights @ values / weights.sum())
+    excess = float(weights @ (values - fixed) ** 2) - (len(values) - 1)
+    scale = float(weights.sum() - (weights @ weights) / weights.sum())
+    between = max(excess / scale, 0.0) if scale > 0.0 else 0.0
+    weights = 1.0 / (variances + between)
+    mean = float(weights @ values / weights.sum())
+    scatter = float(weights @ (values - mean) ** 2) / (len(values) - 1)
+    return mean, math.sqrt(max(scatter, 1.0) / float(weights.sum()))
+
+
+def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray) -> float:
+    """Share of the power beyond noise that is gone, on held-out data; on train data where none are held out."""
+    held = balance.held_out if balance.held_out.any() else balance.train
+    floor = noise_floor(balance, after) ** 2
+    powers = [max(rms(x[held]) ** 2 - (1.0 + FLOOR_ERROR) * floor, LEAST_LEFT * floor) for x in (before, after)]
+    return max(1.0 - powers[1] / powers[0], 0.0)

@@ -1,0 +1,32 @@
+"""What search and remainder hand to the outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.remainder.maps import Structure
+from tcs_friction.diagnose.search.candidates import Candidate
+from tcs_friction.diagnose.search.laws import Lack
+from tcs_friction.diagnose.search.rivals import Contest
+from tcs_friction.physics.terms import Instance
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What search and remainder found.
+
+    retuned: fit of what the model has alone. improved: fit with effects and map. structure: what the effects leave, or what a map
+    stands for. rounds: candidates of each round. contests: of every effect found. lacks: of the believed friction law.
+    """
+
+    retuned: Fit
+    improved: Fit
+    structure: Structure | None
+    rounds: tuple[tuple[Candidate, ...], ...] = ()
+    contests: tuple[Contest, ...] = ()
+    lacks: tuple[Lack, ...] = ()
+
+    def contest(self, item: Instance) -> Contest | None:
+        """The contest of an effect, None if there was none."""
+        return next((c for c in self.contests if c.effect == item.identity), None)

@@ -1,0 +1,174 @@
+"""Each effect with its uncertainty and what proves it: `Found`.
+
+In: an `Explanation`. Out: the effects that it adds to the believed axis, those that the believed friction law lacks among them,
+largest torque first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
+from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
+from tcs_friction.diagnose.outcome.agreement import agreement_on
+from tcs_friction.diagnose.outcome.explanation import Explanation
+from tcs_friction.diagnose.outcome.plots import where
+from tcs_friction.diagnose.outcome.result import Found
+from tcs_friction.diagnose.search.harmonics import added_effects
+from tcs_friction.diagnose.search.hypotheses import Kind
+from tcs_friction.diagnose.search.laws import Lack
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance, Parameter, Role
+
+NAMED = 0.8  # probability from which an effect is named; below it, it is only described
+LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
+
+
+def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Axis) -> tuple[Found, ...]:
+    """What an explanation adds to a believed axis, largest torque first; learned maps are no effects."""
+    proof = _Proof(balance, explanation)
+    items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
+    found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
+    return tuple(sorted(found, key=lambda one: -one.torque_rms))
+
+
+@dataclass(frozen=True)
+class _Proof:
+    """What proofs are made from."""
+
+    balance: TorqueBalance
+    explanation: Explanation
+
+    @property
+    def fit(self) -> Fit:
+        return self.explanation.improved
+
+    def residual(self, axis: Axis) -> np.ndarray:
+        return self.balance.residual(axis, self.fit.noise)
+
+    def found(self, item: Instance) -> Found:
+        """One effect of the improved axis with its proof."""
+        fit, contest = self.fit, self.explanation.contest(item)
+        alone = contest.without if contest is not None else self.explanation.retuned
+        equivalent = contest.equivalent if contest is not None else ()
+        gain = contest.gain if contest is not None else 0.0
+        kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
+        torque = self.residual(fit.axis.without_effect(item)) - self.residual(fit.axis)
+        return self._proven(item, kinds, self._parameters(item), torque, alone, gain, fit.numbers_of(item))
+
+    def lacked(self, lack: Lack) -> Found:
+        """What the believed law lacks of the improved axis' law, with its proof."""
+        fit = self.fit
+        torque = self.residual(lack.without.axis) - self.residual(fit.axis)
+        count = max(len(fit.free) - len(lack.without.free), 1)
+        return self._proven(
+            lack.effect, (), self._parameters_of_law(lack), torque, lack.without, lack.gain, count
+        )
+
+    def _proven(
+        self,
+        item: Instance,
+        equivalent: tuple[Kind, ...],
+        parameters: Mapping[str, Mapping[str, Any]],
+        torque: np.ndarray,
+        alone: Fit,
+        gain: float,
+        count: int,
+    ) -> Found:
+        """An effect with this torque (n,), which `count` free numbers and this gain tell from the fit without it."""
+        fit = self.fit
+        before, after = self.residual(alone.axis), self.residual(fit.axis)
+        held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
+        penalty = count * math.log(self.balance.samples.effective_count)
+        certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
+        agreement = agreement_on(self.balance, fit, alone)
+        if item.term.collides:  # no collision comes at its exact time: what is left may be as large as they are
+            agreement = replace(agreement, explained=1.0)
+        certainty *= agreement.probability
+        return Found(
+            instance=item,
+            equivalent=equivalent,
+            probability=certainty / (1 + len(equivalent)),
+            parameters=parameters,
+            where=where(item, fit.axis),
+            torque_rms=rms(torque),
+            before=rms(before[held]),
+            after=rms(after[held]),
+            delta_bic=penalty - gain,
+            agreement=agreement,
+            established=certainty >= NAMED,
+        )
+
+    def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
+        """What a law says of an effect that completes it, with standard deviations to first order."""
+        fit, term = self.fit, lack.effect.term
+        covariance = fit.covariance * fit.squares.dispersion
+
+        def stated(axis: Axis) -> dict[str, float]:
+            return dict(term.of_law(axis.friction.values))
+
+        here = stated(fit.axis)
+        slopes = {
+            name: np.array(
+                [
+                    (stated(moved(fit.axis, fit.free, k, n.step))[name] - value) / n.step
+                    for k, n in enumerate(fit.free)
+                ]
+            )
+            for name, value in here.items()
+        }
+        return {
+            name: {
+                "value": value,
+                "std": math.sqrt(max(float(slopes[name] @ covariance @ slopes[name]), 0.0)),
+                "unit": term.parameter(name).unit_for(fit.axis.kind),
+            }
+            for name, value in here.items()
+        }
+
+    def _parameters(self, item: Instance) -> dict[str, dict[str, Any]]:
+        """Value, standard deviation and unit of every parameter that was free."""
+        fit = self.fit
+        numbers = {(n.name, n.form): k for k, n in enumerate(fit.free) if n.effect == item.identity}
+        covariance = fit.covariance * fit.squares.dispersion
+        result: dict[str, dict[str, Any]] = {}
+        for parameter, phase in amplitudes(item.term.parameters):
+            if parameter.role is Role.FIXED or item.values[parameter.name] == parameter.default:
+                continue
+            for each, deviation in _deviations(parameter, phase, item, numbers, covariance):
+                unit = each.unit_for(fit.axis.kind)
+                result[each.name] = {"value": item.values[each.name], "std": deviation, "unit": unit}
+        return result
+
+
+def _deviations(
+    parameter: Parameter,
+    phase: Parameter | None,
+    item: Instance,
+    numbers: Mapping[tuple[str, Form], int],
+    covariance: np.ndarray,
+) -> list[tuple[Parameter, float]]:
+    """Standard deviation of a parameter and of its phase, of those that were free; linear about the optimum."""
+    value = item.values[parameter.name]
+    if phase is None:
+        for form, scale in ((Form.LOGARITHM, abs(value)), (Form.PLAIN, 1.0)):
+            if (parameter.name, form) in numbers:
+                k = numbers[parameter.name, form]
+                return [(parameter, scale * math.sqrt(covariance[k][k]))]
+        return []
+    if (parameter.name, Form.COSINE) not in numbers:
+        return []
+    both = [numbers[parameter.name, form] for form in (Form.COSINE, Form.SINE)]
+    block, angle = covariance[np.ix_(both, both)], item.values[phase.name]
+    along = np.array([math.cos(angle), math.sin(angle)])
+    across = np.array([-math.sin(angle), math.cos(angle)]) / max(value, 1e-300)
+    return [
+        (each, math.sqrt(max(float(direction @ block @ direction), 0.0)))
+        for each, direction in ((parameter, along), (phase, across))
+    ]
