@@ -120,7 +120,7 @@ def simulate_loop(
     count = len(times)
     targets = reference.over(times)
     substeps = substeps_for(axis, period)
-    surroundings = np.column_stack([np.broadcast_to(temperature, count), *exogenous.values()])
+    surroundings = _surroundings(np.broadcast_to(temperature, count), exogenous, period)
     plant = compiled.build(axis, period / substeps, substeps, tuple(exogenous), float(targets[0, 0]))
     observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
     compensating = compensator_parameters(compensator or CompensatorConfig(), period)
@@ -145,6 +145,17 @@ def simulate_loop(
         first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
         raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
     return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *(row.copy() for row in out))
+
+
+def _surroundings(temperature: Array, exogenous: Mapping[str, Array], period: float) -> Array:
+    """Shape (n, 1 + 2 s), for the n ticks as the motion vector has them: temperature, then each signal and its rate, 1/s.
+
+    A signal is held over a period; its rate is the slope from this tick to the next one, which is that of the period's middle.
+    """
+    columns = [temperature]
+    for signal in exogenous.values():
+        columns += [signal, np.diff(signal, append=signal[-1:]) / period]
+    return np.column_stack(columns)
 
 
 def ticks(reference: Reference, config: LoopConfig) -> Array:

@@ -63,6 +63,8 @@ class Survey:
     travel: lowest and highest position. slow, fast: speeds that the axis moves at (5th and 99th percentile). duration: s.
     start: time of the first sample, s. cutoff: highest frequency with a signal, Hz. resolution: noise of the position.
     inertia, level: the axis' inertia and dry friction. bristle: travel over which that friction turns over, 0 without bristles.
+    cycle: rad of phase per unit of position at order 1. turns: when it turns back, from the last motion one way until friction is
+    built up the other way, s. period: time in which the motion usually comes back, s; inf if it never does.
     """
 
     travel: tuple[float, float]
@@ -75,6 +77,9 @@ class Survey:
     inertia: float
     level: float
     bristle: float
+    cycle: float = 1.0
+    turns: tuple[tuple[float, float], ...] = ()
+    period: float = 0.0
 
     @property
     def span(self) -> float:
@@ -89,6 +94,7 @@ Rate = Callable[[Values, float], float]
 Orders = Callable[[float, bool], tuple[float, float]]
 Completes = Callable[[Values], Values]
 Extent = Callable[[Values], tuple[float, float | None]]
+Implausible = Callable[[Values, Survey], str]
 
 PERIODS = 4.0  # over the travel, that make a torque periodic
 ABOVE_ONE = 1.5  # lowest order per turn: once per turn is gravity's
@@ -132,6 +138,11 @@ def any_signal(name: str) -> bool:
 def many_periods(once: float, rotary: bool) -> tuple[float, float]:
     """Orders of which several periods fit into the travel; `once` is the order with one."""
     return max(PERIODS * once, ABOVE_ONE if rotary else 0.0), math.inf
+
+
+def always_plausible(values: Values, survey: Survey) -> str:
+    """Nothing speaks against any values in any motion."""
+    return ""
 
 
 def spring_rate(stiffness: float, damping: float, inertia: float) -> float:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from tcs_friction.errors import InputError, nearest
-from tcs_friction.physics.motion import EXOGENOUS
+from tcs_friction.physics.motion import signal_slot
 from tcs_friction.physics.table import Table
 from tcs_friction.physics.term import Term
 
@@ -65,7 +65,7 @@ class Instance:
                 raise InputError(
                     f"effect {self.term.id}", f"no recorded signal named {self.signal!r}", f"one of: {known}"
                 )
-            packed.append(float(EXOGENOUS + signals.index(self.signal)))
+            packed.append(float(signal_slot(signals.index(self.signal))))
         if self.table is not None:
             packed.extend(self.table.packed(signals))
         return np.array(packed, dtype=np.float64)

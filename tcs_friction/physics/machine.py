@@ -22,7 +22,6 @@ from tcs_friction.physics.terms import (
     CYCLE,
     DRY,
     DRY_SCALE,
-    EXOGENOUS,
     EXTRA_LEVEL,
     INERTIA,
     LEVEL,
@@ -37,6 +36,9 @@ from tcs_friction.physics.terms import (
     VISCOUS_SCALE,
     Instance,
     Place,
+    rate_at,
+    set_surroundings,
+    signal_slot,
 )
 
 # Slots of Machine.body
@@ -77,7 +79,7 @@ class Machine(NamedTuple):
     parameter_ends: np.ndarray  # (k + 1,)
     states: np.ndarray  # all kernels' states
     state_ends: np.ndarray  # (k + 1,)
-    motion: np.ndarray  # (EXOGENOUS + signals,)
+    motion: np.ndarray  # (EXOGENOUS + PER_SIGNAL signals,)
     body: np.ndarray  # (10,)
     constants: np.ndarray  # (11,)
 
@@ -118,7 +120,7 @@ def build(
             float(_level_place(terms, packed)),
         ]
     )
-    motion = np.zeros(EXOGENOUS + len(signals))
+    motion = np.zeros(signal_slot(len(signals)))
     motion[POSITION], motion[CYCLE], motion[INERTIA], motion[TEMPERATURE] = (
         position,
         axis.cycle,
@@ -285,7 +287,7 @@ def measured_instant(
     motion[ACCELERATION] = a
     motion[INERTIA] = m.constants[MASS]
     for s in range(signals.shape[0]):
-        motion[TEMPERATURE + s] = signals[s, i]
+        set_surroundings(motion, s, signals[s, i], rate_at(signals[s], i, dt))
     return float(a)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from tcs_friction.errors import InputError
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import EXOGENOUS, TEMPERATURE
+from tcs_friction.physics.terms import TEMPERATURE, set_surroundings
 
 LONGEST_STEP = 1e-4  # s
 NOISE_BLOCK = 4096
@@ -52,6 +52,7 @@ class Simulator:
         self.machine = compiled.build(axis, period / count, count, signals, position)
         self._random = np.random.default_rng(seed)
         self._noise: list[list[float]] = []
+        self._before: list[list[float]] = [[] for _ in signals]
         self.ticks = 0
 
     def step(self, command: float, temperature: float = 20.0, exogenous: tuple[float, ...] = ()) -> float:
@@ -65,11 +66,21 @@ class Simulator:
             self._noise = self._random.standard_normal((NOISE_BLOCK, 2)).tolist()
         motion = self.machine.motion
         motion[TEMPERATURE] = temperature
-        if exogenous:
-            motion[EXOGENOUS:] = exogenous
+        for s, signal in enumerate(exogenous):
+            set_surroundings(motion, s + 1, signal, self._rate(s, signal))
         first, second = self._noise.pop()
         self.ticks += 1
         return float(compiled.tick(self.machine, command, first, second))
+
+    def _rate(self, s: int, value: float) -> float:
+        """Rate (1/s) of a signal in the middle of the period that begins, on the parabola through its last three values.
+
+        What comes next is not known, and the slope from the value before would be that of a whole period earlier.
+        """
+        known = self._before[s]
+        slopes = np.diff([*known, value]) / self.period
+        self._before[s] = [*known[-1:], value]
+        return float(2.0 * slopes[-1] - slopes[0] if len(slopes) > 1 else slopes.sum())
 
     @property
     def measured_position(self) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcs_friction.errors import InputError
-from tcs_friction.physics.motion import EXOGENOUS, SLOTS
+from tcs_friction.physics.motion import SLOTS, signal_slot
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Table:
                 f"no coordinate {coordinate!r}",
                 f"one of: {', '.join([*SLOTS, *signals])}",
             )
-        return EXOGENOUS + signals.index(name)
+        return signal_slot(signals.index(name))
 
     def packed(self, signals: tuple[str, ...]) -> list[float]:
         grid = self.values if self.values.ndim == 2 else self.values[:, None]

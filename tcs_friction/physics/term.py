@@ -10,6 +10,7 @@ from tcs_friction.physics.declarations import (
     COORDINATES,
     Completes,
     Extent,
+    Implausible,
     Local,
     Need,
     Orders,
@@ -19,6 +20,7 @@ from tcs_friction.physics.declarations import (
     Transfer,
     Values,
     Warn,
+    always_plausible,
     any_signal,
     many_periods,
     no_law,
@@ -78,6 +80,10 @@ class Term:
     the axis is rotary.
     local: the parameters that place it in the position, where a matched filter finds it.
     discontinuous: whether its torque jumps with its shape, as collisions do: a search then cannot follow derivatives.
+    neutral: the parameter that is the place in which it exerts no torque. It is at its default until the data ask for it, and a
+    constant torque beside such a term is its neutral place.
+    whole: whether its order on a rotary axis is a whole number: it closes with the turn.
+    implausible: why an effect with these values cannot be told in such a motion, in words, or nothing.
     alignment: the parameter (s) by which the torque is late, where that is all that the effect does: it then stands for torque
     and position of a log that are out of step.
 
@@ -120,6 +126,9 @@ class Term:
     of_law: Completes = no_law
     frequency: str = ""
     extent: Extent | None = None
+    neutral: str = ""
+    whole: bool = False
+    implausible: Implausible = always_plausible
 
     def __post_init__(self) -> None:
         where = f"term {self.id}"
@@ -129,7 +138,7 @@ class Term:
             raise InputError(where, f"periodic is {self.periodic!r}", "position, time or nothing")
         known = [p.name for p in self.parameters]
         local = (self.local.centre, self.local.width) if self.local else ()
-        for name in filter(None, (self.offset, self.alignment, self.frequency, *local)):
+        for name in filter(None, (self.offset, self.alignment, self.frequency, self.neutral, *local)):
             if name not in known:
                 raise InputError(where, f"no parameter {name!r}", nearest(name, known))
         if self.place is Place.LAW and sum(p.feature is Feature.DRY for p in self.parameters) != 1:

@@ -60,7 +60,10 @@ from tcs_friction.physics.motion import (
     VISCOUS_SCALE,
     Kernel,
     kernel,
+    rate_at,
     resolved,
+    set_surroundings,
+    signal_slot,
 )
 from tcs_friction.physics.parameters import Feature, Harmonic, Parameter, Role, unit_on
 from tcs_friction.physics.table import Table
@@ -70,5 +73,6 @@ __all__ = [
     "ACCELERATION", "ARREST", "COORDINATES", "CYCLE", "DRY", "DRY_SCALE", "EXOGENOUS", "EXTRA_LEVEL", "INERTIA",
     "KERNEL_SIGNATURE", "LEVEL", "MOBILISED", "POSITION", "SLOTS", "TEMPERATURE", "TIME", "TORQUE", "TRAVEL", "VELOCITY",
     "VISCOUS", "VISCOUS_SCALE", "Feature", "Harmonic", "Instance", "Kernel", "Local", "Need", "Parameter", "Place", "Role",
-    "Survey", "Table", "Term", "geometric", "instance", "kernel", "many_periods", "no_scan", "resolved", "spring_rate", "unit_on",
+    "Survey", "Table", "Term", "geometric", "instance", "kernel", "many_periods", "no_scan", "rate_at", "resolved",
+    "set_surroundings", "signal_slot", "spring_rate", "unit_on",
 ]  # fmt: skip

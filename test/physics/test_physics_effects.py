@@ -29,13 +29,14 @@ COORDINATES = {
 
 
 def motion(**values: float) -> np.ndarray:
-    """A motion vector; names of slots in lower case, `other` and `wind` for the recorded signals."""
-    vector = np.zeros(terms.EXOGENOUS + len(SIGNALS))
+    """A motion vector; names of slots in lower case, `other` and `wind` for the recorded signals, `other_rate` for a rate."""
+    vector = np.zeros(terms.signal_slot(len(SIGNALS)))
     vector[[terms.CYCLE, terms.DRY_SCALE, terms.VISCOUS_SCALE]] = 1.0
     vector[terms.TEMPERATURE], vector[terms.INERTIA] = 20.0, 1000.0
     for name, value in values.items():
-        slot = terms.EXOGENOUS + SIGNALS.index(name) if name in SIGNALS else getattr(terms, name.upper())
-        vector[slot] = value
+        signal = name.removesuffix("_rate")
+        slot = terms.signal_slot(SIGNALS.index(signal)) if signal in SIGNALS else getattr(terms, name.upper())
+        vector[slot + (signal != name)] = value
     return vector
 
 
@@ -92,9 +93,11 @@ def test_recorded_signals(s: float) -> None:
 
 
 def test_cross_axis_coupling_takes_the_acceleration_from_the_velocity() -> None:
+    """The rate of the recorded velocity, which stands behind its value."""
     assert called(plain("cross_axis_coupling"), motion(other=0.1)) == 0.0
-    two = called(plain("cross_axis_coupling"), motion(other=0.1), motion(other=0.1004))
-    assert two == pytest.approx(60.0 * 0.4)
+    assert called(plain("cross_axis_coupling"), motion(other=0.1, other_rate=0.4)) == pytest.approx(
+        60.0 * 0.4
+    )
 
 
 ONE, NOTHING = (lambda _: 1.0), (lambda _: 0.0)
@@ -211,7 +214,7 @@ PROPORTIONAL = [n for n in VALUES if effect(n).place is Place.OPPOSING and linea
 def test_linear_parameters_are_linear(name: str) -> None:
     """What is declared proportional to a parameter is: a fit relies on it."""
     item = plain(name)
-    instant = motion(position=0.31, velocity=0.01, time=2.0, travel=1e-5, other=0.3, wind=2.0)
+    instant = motion(position=0.31, velocity=0.01, time=2.0, travel=1e-5, other=0.3, other_rate=0.1, wind=2.0)
     before = motion(position=0.31, velocity=0.01, time=2.0, travel=1e-5, other=0.1, wind=1.0)
     once = called(item, before.copy(), instant.copy())
     doubled = item.replace(**{n: 2.0 * item.values[n] for n in linear_parameters(name)})

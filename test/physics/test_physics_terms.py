@@ -97,7 +97,7 @@ def test_replace_checks_again_and_keeps_signal_and_table() -> None:
 
 def test_packing_puts_the_signal_slot_behind_the_values() -> None:
     packed = plain("wind_torque").packed(("other", "wind"))
-    assert packed.tolist() == [2.0, terms.EXOGENOUS + 1]
+    assert packed.tolist() == [2.0, terms.signal_slot(1)]
     with pytest.raises(InputError, match=r"no recorded signal named 'wind', expected one of: none"):
         plain("wind_torque").packed(())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcs_friction.diagnose.dataset.coordinates import unit_of
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Need
@@ -21,6 +22,8 @@ SHORT = 20.0  # s
 FEW_REVERSALS = 4
 ONE_SINUSOID = 0.98  # correlation of acceleration with position, reversed
 TENTH = 0.1  # of a turn of travel
+BUILT_UP = 3.0  # bristle deflections, after which 95 % of the friction is built up in the new direction
+SEEN = 6.0  # standard deviations of the position's noise, that a motion one way must cover to be one
 STRAIGHT = 0.01  # rms of inertial torque over that of the torque
 
 
@@ -60,6 +63,50 @@ def passed_once(data: DataSet, found: Sequence[Instance]) -> tuple[str, ...]:
 def passes(inside: np.ndarray) -> int:
     """How often a series (n,) of answers whether the axis is somewhere turns to yes."""
     return int(np.count_nonzero(np.diff(inside, prepend=False) & inside))
+
+
+def turns(data: DataSet, bristle: float) -> tuple[tuple[float, float], ...]:
+    """When the axis turns back, s: from its last motion one way until friction is built up the other way.
+
+    bristle: travel (rad) in which friction builds up. Motion one way that does not cover it does not count.
+    """
+    return tuple(turn for s in data.stretches for turn in _turns_of(data, s, bristle))
+
+
+def _turns_of(data: DataSet, s: Stretch, bristle: float) -> list[tuple[float, float]]:
+    moving = np.flatnonzero(np.abs(s.velocity) > data.speed_threshold)
+    ways = np.sign(s.velocity[moving])
+    least = max(BUILT_UP * bristle, SEEN * data.position_noise)
+    legs: list[np.ndarray] = []
+    for leg in np.split(moving, np.flatnonzero(np.diff(ways)) + 1):
+        if len(leg) == 0 or abs(s.position[leg[-1]] - s.position[leg[0]]) < least:
+            continue
+        if legs and s.velocity[legs[-1][0]] * s.velocity[leg[0]] > 0.0:
+            legs[-1] = np.concatenate([legs[-1], leg])
+        else:
+            legs.append(leg)
+    found = []
+    for one, other in itertools.pairwise(legs):
+        built = np.abs(s.position[other] - s.position[other[0]]) >= BUILT_UP * bristle
+        found.append((float(s.t[one[-1]]), float(s.t[other[int(np.argmax(built))]])))
+    return found
+
+
+def period(data: DataSet, axis: Axis) -> float:
+    """Time (s) in which the motion usually comes back to where it was: it turns back twice, or goes round once; inf if never.
+
+    A stretch that turns back once does not say how soon it will again: not before its end.
+    """
+    between: list[float] = []
+    for s in data.stretches:
+        times = [0.5 * (begin + end) for begin, end in _turns_of(data, s, axis.bristle)]
+        if len(times) == 1:
+            times = [float(s.t[0]), *times, float(s.t[-1])]
+        between += np.diff(times).tolist()
+    if between:
+        return 2.0 * float(np.median(between))
+    around = sum(float(np.ptp(s.position)) for s in data.stretches) / (2.0 * math.pi) if axis.kind == "rotary" else 0.0
+    return sum(float(np.ptp(s.t)) for s in data.stretches) / around if around >= 1.0 else math.inf
 
 
 def _found(data: DataSet, axis: Axis) -> list[Limit]:

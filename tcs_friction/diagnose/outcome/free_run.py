@@ -35,11 +35,11 @@ from tcs_friction.physics.terms import (
     ARREST,
     INERTIA,
     POSITION,
-    TEMPERATURE,
     TIME,
     TORQUE,
     TRAVEL,
     VELOCITY,
+    set_surroundings,
 )
 
 HORIZON = 1.0  # s
@@ -153,7 +153,8 @@ def _walk(
             motion[INERTIA] = m.constants[MASS]
             motion[ARREST] = level * v / resolution
             for s in range(signals.shape[0]):
-                motion[TEMPERATURE + s] = signals[s, k] + part * (signals[s, i] - signals[s, k])
+                change = signals[s, i] - signals[s, k]
+                set_surroundings(motion, s, signals[s, k] + part * change, change / (pieces * dt))
             motion[TORQUE] = torque[k] + part * (torque[i] - torque[k])
             for j in range(m.ends[0]):
                 motion[TORQUE] = call_term(m, j, elapsed)
@@ -193,7 +194,10 @@ def _let_go(
         for piece in range(pieces):
             part = (piece + 0.5) / pieces
             for s in range(signals.shape[0]):
-                motion[TEMPERATURE + s] = signals[s, i] + part * (signals[s, i + 1] - signals[s, i])
+                change = signals[s, i + 1] - signals[s, i]
+                set_surroundings(
+                    motion, s, signals[s, i] + part * change, change / (pieces * m.constants[machine.STEP])
+                )
             advance(m, torque[i] + part * (torque[i + 1] - torque[i]))
         motion[POSITION] = body[TRUE_POSITION]
         error = body[TRUE_POSITION] - position[i + 1]

@@ -1,6 +1,7 @@
-"""Waves of one kind that belong together: a small wave at a multiple of another one's order is its harmonic.
+"""Effects that belong together: a small wave at a multiple of another one's order, a constant torque beside a spring.
 
-In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic.
+In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic, and in which one term
+does what two did: an offset beside a spring is the place in which it rests.
 """
 
 from __future__ import annotations
@@ -12,9 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.joint_fit import (
+    WITHOUT_ITERATIONS,
+    WITHOUT_TOLERANCE,
+    Fit,
+    fit_jointly,
+    settle,
+)
 from tcs_friction.diagnose.fit.noise_estimate import misfit
+from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
+from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
@@ -38,6 +47,31 @@ def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
         if not apart or lost < DISTINGUISHABLE * misfit(balance, residual):
             return with_harmonics_joined(balance, trial, base)
     return fit
+
+
+def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
+    """The fit in which a constant torque beside a term that has a neutral place is that place, if it explains as much.
+
+    `base`: the axis whose effects stay as they are.
+    """
+    added = added_effects(fit.axis, base)
+    for one, other in itertools.permutations(added, 2):
+        if not (one.term.neutral and other.term.offset):
+            continue
+        fewer = fit.axis.without_effect(one).without_effect(other)
+        bare = fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
+        resting = [s for s in starts(ProjectedResidual(balance, bare), one.term, one.signal) if _rests(s.instance)]
+        for start in resting[:1]:
+            trial = settle(balance, bare.axis.with_effect(start.instance), fit.noise, rounds=1)
+            lost = trial.squares - balance.squares(fit.axis, trial.noise)
+            if lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise)):
+                return with_offsets_joined(balance, trial, base)
+    return fit
+
+
+def _rests(item: Instance) -> bool:
+    """Whether the neutral place of an effect is free."""
+    return item.values[item.term.neutral] != item.term.parameter(item.term.neutral).default
 
 
 def added_effects(axis: Axis, base: Axis) -> tuple[Instance, ...]:

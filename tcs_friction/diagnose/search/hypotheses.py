@@ -30,7 +30,7 @@ FIRST_STEP, PATTERN_ROUNDS = 0.13, 16  # of a pattern search: log units, halved 
 PEAKS = 3  # of a spectrum that are tried exactly
 PEAK_SPACING = 3  # grid points between two of them: less is one peak
 STARTS = 2  # of an effect that are kept
-GAIN_PER_NUMBER = 12.0  # about what `chance` asks for each number of a wave that was found among a thousand orders
+GAIN_PER_NUMBER = 12.0  # about what `chance` asks for each number of an effect that was found among a thousand alternatives
 
 
 class Kind(NamedTuple):
@@ -116,14 +116,16 @@ def starts(projected: ProjectedResidual, term: Term, signal_name: str | None) ->
     if term.periodic:
         return _periodic_starts(projected, term, view)
     scans = list(term.scan(view))
-    alternatives = float(len(scans))
+    alternatives, excess = float(len(scans)), [1.0] * len(scans)
     linear = [p for p in term.parameters if p.role is Role.LINEAR]
     if term.local is not None:
         alternatives *= view.span / min(scan[term.local.width] for scan in scans)
-        scans = local_scans(projected, scans, term, term.local)
+        placed = local_scans(projected, scans, term, term.local)
+        scans, excess = [values for values, _ in placed], [more for _, more in placed]
     judge = _judge_linear if linear else _judge_directly
     judged = side_by_side(lambda values: judge(projected, term, values, signal_name, alternatives), scans)
-    found = sorted((s for s in judged if s is not None and s.gain > 0.0), key=lambda s: -s.gain)
+    judged = [s and replace(s, noise_excess=x) for s, x in zip(judged, excess, strict=True)]
+    found = sorted((s for s in judged if s is not None and s.gain > 0.0), key=lambda s: GAIN_PER_NUMBER * s.count - s.promise)
     return (_peaks(found) if term.discontinuous else found)[:STARTS]
 
 

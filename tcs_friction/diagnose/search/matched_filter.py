@@ -36,6 +36,7 @@ LEAST_NORM = 1e-3  # of the largest norm: orders that the whitening removes are 
 CELLS_PER_WIDTH = 4.0  # of a local effect, and how many widths its shape is followed
 SHAPE_CELLS = np.arange(-12, 13)
 LOCAL_STARTS = 6
+CHI_SQUARED_MEDIAN = 0.455  # of one degree of freedom
 EVERYWHERE = 1e12  # rad, a width beside which any travel is nothing
 
 
@@ -210,26 +211,41 @@ def _excess(grid: np.ndarray, gain: np.ndarray) -> np.ndarray:
 
 def local_scans(
     projected: ProjectedResidual, scans: Sequence[Mapping[str, float]], term: Term, place: Local
-) -> list[Mapping[str, float]]:
-    """The best centres for each width, by a matched filter over binned positions."""
-    balance, noise = projected.balance, projected.noise
+) -> list[tuple[Mapping[str, float], float]]:
+    """The best centres for each width, by a matched filter over binned positions, and by how much chance gives more there."""
     carrier = _carrier(projected, term, {**scans[0], place.centre: 0.0, place.width: EVERYWHERE})
-    position = balance.data.joined("position")
-    score = noise.unwhiten(projected.white) * carrier
+    found = [one for scan in scans for one in _best_centres(projected, scan, term, place, carrier)]
+    return [(values, excess) for _, values, excess in sorted(found, key=lambda one: -one[0])[:LOCAL_STARTS]]
+
+
+def _best_centres(
+    projected: ProjectedResidual, scan: Mapping[str, float], term: Term, place: Local, carrier: np.ndarray
+) -> list[tuple[float, Mapping[str, float], float]]:
+    """The two best centres for one width: gain over chance, values, and by how much chance gives more than the noise estimate.
+
+    Places differ by more than the torque's noise where a model is not exact. How much they do, the median of all places tells
+    once the best one is taken out. `carrier` (n,): the effect's torque where its shape is one.
+    """
+    balance, noise, width = projected.balance, projected.noise, scan[place.width]
+    position, step = balance.data.joined("position"), width / CELLS_PER_WIDTH
+    index = ((position - position.min()) / step).astype(np.int64)
+    shape = np.exp(-((SHAPE_CELLS / CELLS_PER_WIDTH) ** 2))
     power = np.where(balance.train, carrier**2 * noise.local_weight, 0.0)
     speed = float(np.sqrt(np.mean(balance.data.joined("velocity")[balance.train] ** 2)))
-    found: list[tuple[float, Mapping[str, float]]] = []
-    for scan in scans:
-        width = scan[place.width]
-        step = width / CELLS_PER_WIDTH
-        index = ((position - position.min()) / step).astype(np.int64)
-        shape = np.exp(-((SHAPE_CELLS / CELLS_PER_WIDTH) ** 2))
-        sums = np.convolve(np.bincount(index, score), shape, mode="same")
-        norms = np.convolve(np.bincount(index, power), shape**2, mode="same")
-        passing = np.array(speed / (2.0 * math.pi * width))
-        norms = norms * float(noise.whitening.squared_gain(passing, noise.samples.dt))
-        gain = np.where(norms > LEAST_NORM * norms.max(), sums**2 / np.maximum(norms, 1e-300), 0.0)
-        for best in np.argsort(gain)[::-1][:2]:
-            centre = float(position.min() + step * (best + 0.5))
-            found.append((float(gain[best]), {**scan, place.centre: centre}))
-    return [values for _, values in sorted(found, key=lambda pair: -pair[0])[:LOCAL_STARTS]]
+    passing = np.array(speed / (2.0 * math.pi * width))
+    norms = np.convolve(np.bincount(index, power), shape**2, mode="same")
+    norms = norms * float(noise.whitening.squared_gain(passing, noise.samples.dt))
+    seen = norms > LEAST_NORM * norms.max()
+
+    def gains(white: np.ndarray) -> np.ndarray:
+        """Expected gain at each place for a projected residual (m,)."""
+        sums = np.convolve(np.bincount(index, noise.unwhiten(white) * carrier), shape, mode="same")
+        return np.where(seen, sums**2 / np.maximum(norms, 1e-300), 0.0)
+
+    gain = gains(projected.white)
+    best = np.argsort(gain)[::-1][:2]
+    starts = [{**scan, place.centre: float(position.min() + step * (k + 0.5))} for k in best]
+    own = np.linalg.qr(projected.columns(probes(term, starts[0], None)))[0]
+    rest = gains(projected.white - own @ (own.T @ projected.white))[seen]
+    excess = max(float(np.median(rest)) / CHI_SQUARED_MEDIAN, 1.0) if len(rest) else 1.0
+    return [(float(gain[k]) / excess, start, excess) for k, start in zip(best, starts, strict=True)]

@@ -6,6 +6,7 @@ In: a fit and one of its effects. Out: the reason why it cannot be, or None.
 from __future__ import annotations
 
 import enum
+import itertools
 import math
 from collections.abc import Collection
 
@@ -13,15 +14,23 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.search.matched_filter import same_wave
+from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
-from tcs_friction.diagnose.search.significance import chance
+from tcs_friction.diagnose.search.significance import IMPERFECT, chance
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Role, Survey
 
 LARGEST_TORQUE = 1.2  # of the logged torque's rms: an effect that is larger cancels against another one
 LEAST_OWN_GAIN = 0.5  # of the least gain that counts, that an effect's own torque must have: it cannot gain more by itself
 HALF_A_STEP = 0.5  # of the encoder: the error of rounding is never larger
+RESOLVED_PERIOD = 2.0  # steps of the encoder, or standard deviations of its noise: a shorter wave is not sampled
+LINE = 10.0  # times the median power beside a frequency; noise alone reaches it at one frequency in a thousand
+LINE_WIDTH, BESIDE = 1.0, np.arange(3, 13)  # in units of 1/duration: of a line, and where it has ended under a Hann window
+ANSWERED = 2.0  # times a vibration: torque with which a well damped loop answers it at most (Astrom & Murray 2008, 12.2)
+SIDE_PERIODS = 1.5  # over the recording: amplitudes that change once in it put a second line one period away
+SIDE_SIZE = 0.5  # of a line: what a change of amplitude puts on either side of it is no larger
+CONDITION = 30.0  # index from which columns depend strongly on each other (Belsley, Kuh & Welsch 1980, 3.2)
+LEFT_OVER = 2.0 / CONDITION  # of two equal torques with that index, when they cancel each other
 AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
@@ -36,6 +45,12 @@ class Doubt(enum.Enum):
     TOO_LARGE = "its torque is larger than that of the drive"
     QUANTISATION = "it is within half a step of the encoder"
     AT_BOUND = "it ended at a bound"
+    SIDE_LINE = "it is the changing amplitude of another wave"
+    COLLISIONS = "collisions that do not come at their exact time look like it"
+    NOT_WHOLE = "its order does not close with the turn"
+    DRIVEN = "the motion has its frequency"
+    CANCELLED = "other effects cancel it"
+    IMPLAUSIBLE = "such an effect cannot be told in such a motion"
     NOT_RESOLVED = "the recording cannot show it with such values"
 
 
@@ -43,9 +58,30 @@ def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt
     """Why an effect of a fit cannot be what it says; `base`: the axis that it was searched on."""
     if item.term.alignment and item.values[item.term.alignment] < balance.alignment_leeway:
         return Doubt.ALIGNMENT
-    if any(same_wave(balance, fit.axis, item, other) for other in fit.axis.effects if other is not item):
+    others = [other for other in fit.axis.effects if other is not item]
+    if any(same_wave(balance, fit.axis, item, other) for other in others):
         return Doubt.TWICE
-    return doubtful_size(balance, fit, item) or _unresolved(balance, fit, item) or _out_of_range(balance, base, item)
+    if any(_side_line(balance, fit.axis, item, other) for other in others):
+        return Doubt.SIDE_LINE
+    if item.term.transfer is not None and any(other.term.collides for other in others):
+        return Doubt.COLLISIONS
+    return (
+        doubtful_size(balance, fit, item)
+        or _unresolved(balance, fit, item)
+        or _out_of_range(balance, base, item)
+        or _unlike_physics(balance, fit, item, base)
+    )
+
+
+def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
+    """Why no such effect is known, or could be told in this motion."""
+    if item.term.implausible(item.values, survey(balance, base)):
+        return Doubt.IMPLAUSIBLE
+    if not _whole(balance, fit, item):
+        return Doubt.NOT_WHOLE
+    if item.term.periodic == "time" and _driven(balance, fit, item):
+        return Doubt.DRIVEN
+    return Doubt.CANCELLED if _cancelled(balance, fit, item) else None
 
 
 def doubtful_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
@@ -64,13 +100,79 @@ def own_torque(balance: TorqueBalance, fit: Fit, item: Instance) -> np.ndarray:
     return balance.torque_residual(fit.axis.without_effect(item)) - balance.torque_residual(fit.axis)
 
 
+def _side_line(balance: TorqueBalance, axis: Axis, item: Instance, other: Instance) -> bool:
+    """Whether a wave is what another one of its kind, whose amplitude changes in the recording, has beside its line."""
+    if item.term is not other.term or not item.term.periodic:
+        return False
+    one, two = (max(abs(x.values[wave.amplitude.name]) for wave in x.term.harmonics) for x in (item, other))
+    angle = wave_angle(balance, axis, item.term)[balance.train]
+    parted = abs(item.order - other.order) * float(np.ptp(angle))
+    return one <= SIDE_SIZE * two and parted < 2.0 * math.pi * SIDE_PERIODS
+
+
+def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
+    """Whether the order of a wave that has to close with the turn may be a whole number.
+
+    It may if that would lose no more than chance gives, or than is left of a wave that is not exactly known.
+    """
+    if not item.term.whole or fit.axis.kind != "rotary":
+        return True
+    k = next((k for k, n in enumerate(fit.free) if n.effect == item.identity and n.name == item.term.order.name), None)
+    if k is None:
+        return True
+    away = math.log(max(round(item.order), 1) / item.order)  # orders are fitted as logarithms
+    white = fit.noise.whiten(own_torque(balance, fit, item))
+    lost = away**2 / max(float(fit.covariance[k, k]), 1e-300)
+    return lost <= max(chance(1) * fit.squares.dispersion, IMPERFECT * float(white @ white))
+
+
+def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
+    """Whether the logged torque has a line at a vibration's frequency that is larger than any answer to the vibration.
+
+    The line is then the motion's own or friction's harmonic of it, and what a model of friction leaves there is no vibration.
+    """
+    data = balance.data
+    s = max(data.stretches, key=lambda stretch: len(stretch.t))
+    t, torque = s.t[:: data.stride], s.torque[:: data.stride]
+    window = np.hanning(len(t))
+    series = window * (torque - np.mean(torque))
+
+    def amplitude(offset: float) -> float:
+        """Of the torque, N m, so many 1/duration beside the frequency."""
+        frequency = item.order + offset / float(t[-1] - t[0])
+        return 2.0 * abs(complex(np.exp(-2j * math.pi * frequency * t) @ series)) / float(window.sum())
+
+    line = max(map(amplitude, np.linspace(-LINE_WIDTH, LINE_WIDTH, 5)))
+    beside = float(np.median([amplitude(float(k)) ** 2 for k in (*-BESIDE, *BESIDE)]))
+    own = math.sqrt(2.0) * rms(own_torque(balance, fit, item)[balance.train])
+    return line**2 > LINE * beside and line > ANSWERED * own
+
+
+def _cancelled(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
+    """Whether an effect's torque and those of others nearly add up to nothing: only their sum is known then."""
+    others = [other for other in fit.axis.effects if other is not item]
+    if not others:
+        return False
+    torques = np.stack([own_torque(balance, fit, x)[balance.train] for x in (item, *others)])
+    gram = torques @ torques.T
+    for chosen in itertools.product((0.0, 1.0), repeat=len(others)):
+        together = np.array([1.0, *chosen])
+        if float(together @ gram @ together) < LEFT_OVER**2 * gram[0, 0]:
+            return True
+    return False
+
+
 def _unresolved(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
     """Whether the steps of a coarse encoder feign a wave: what it moves the axis by is within half a step.
 
     At steady speed the error of the steps repeats with time and position, and sampling makes it slow.
     """
+    if not item.term.periodic:
+        return None
     step = balance.data.position_step
-    if not item.term.periodic or step == 0.0:
+    if item.term.periodic == "position" and not _sampled(balance, fit.axis, item):
+        return Doubt.NOT_RESOLVED
+    if step == 0.0:
         return None
     if item.term.place is Place.SENSOR:
         error = max(abs(item.values[p.name]) for p in item.term.parameters if p.role is Role.LINEAR)
@@ -81,6 +183,14 @@ def _unresolved(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | Non
     rate = phase_rate * item.order
     amplitude = math.sqrt(2.0) * rms(own_torque(balance, fit, item)[balance.train])
     return Doubt.QUANTISATION if amplitude < HALF_A_STEP * step * fit.axis.inertia * rate**2 else None
+
+
+def _sampled(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
+    """Whether a wave over the position has enough periods in the travel, and the encoder enough steps in a period."""
+    once = 2.0 * math.pi / (float(np.ptp(balance.data.joined("position"))) * axis.cycle)
+    lowest, _ = item.term.orders(once, axis.kind == "rotary")
+    finest = RESOLVED_PERIOD * max(balance.data.position_step, balance.data.position_noise)
+    return item.order > lowest - ONE_WAVE * once and 2.0 * math.pi > item.order * axis.cycle * finest
 
 
 def _out_of_range(balance: TorqueBalance, base: Axis, item: Instance) -> Doubt | None:

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tcs_friction.diagnose.dataset.excitation import period, turns
 from tcs_friction.diagnose.fit.balance import TorqueBalance, noise_amplification
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.parameters import amplitudes, bound_reached
@@ -111,6 +112,9 @@ def survey(balance: TorqueBalance, axis: Axis) -> Survey:
         inertia=axis.inertia,
         level=axis.friction.values[axis.friction.term.level.name],
         bristle=axis.bristle,
+        cycle=axis.cycle,
+        turns=turns(data, axis.bristle),
+        period=period(data, axis),
     )
 
 

@@ -8,7 +8,6 @@ is estimated anew with each fit that is kept; inside a round all fits share one,
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,7 +21,7 @@ from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candidate, fitted_candidates
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
-from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined
+from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
 from tcs_friction.diagnose.search.hypotheses import (
     Kind,
     Start,
@@ -107,6 +106,7 @@ def select_effects(
         earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
         fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
         fit = with_harmonics_joined(balance, _placed_again(balance, fit, earlier), retuned.axis)
+        fit = with_offsets_joined(balance, fit, retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)
         if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
@@ -165,10 +165,7 @@ def close_behind(found: Sequence[Start]) -> list[Start]:
 
 
 def _confused_with_collisions(fit: Fit) -> frozenset[str]:
-    """Linear filters, while there are collisions: what these leave untimed looks like modes and delays.
-
-    What is larger than they are came before them.
-    """
+    """Linear filters, while there are collisions: what these leave untimed looks like modes and delays."""
     if not any(item.term.collides for item in fit.axis.effects):
         return frozenset()
     return frozenset(name for name, term in effects().items() if term.transfer is not None)
@@ -205,6 +202,8 @@ def pruned(
 ) -> Fit:
     """Drop effects beyond those of the retuned fit that no longer earn their place, or that cannot be beside the others.
 
+    Of those that cannot be beside each other the one that does least goes first.
+
     `alternatives`: for each kind of effect, among how many it was found. A lone effect has just earned its place, if it is still
     what it says; what others leave behind has not.
     """
@@ -219,10 +218,11 @@ def pruned(
             limit = threshold(balance, [item.term], fit.numbers_of(item), alternatives.get(kind_of(item), 1.0))
             loss = (alone.squares - fit.squares) / fit.squares.dispersion
             margin = loss - max(limit, imperfection(retuned, alone, balance))
-            margins.append(margin if doubt(balance, fit, item, fit.axis) is None else -math.inf)
-        if min(margins) > 0.0:
+            margins.append((doubt(balance, fit, item, fit.axis) is None, margin))
+        worst = min(range(len(items)), key=lambda k: margins[k])
+        if margins[worst] > (True, 0.0):
             break
-        fit = settle(balance, fewer[int(np.argmin(margins))].axis, fit.noise, rounds=1)
+        fit = settle(balance, fewer[worst].axis, fit.noise, rounds=1)
     return fit
 
 

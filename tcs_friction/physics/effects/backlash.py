@@ -31,7 +31,11 @@ SAME_STEP = 1e-6  # relative difference of steps that one solution of the contac
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: started, deflection (rad), velocity of the second body (rad/s); step for which the contact is solved, its
-    number of pieces and the solution over one. Steps are cut to follow the contact."""
+    number of pieces and the solution over one. Steps are cut to follow the contact.
+
+    The torque is the contact's at this instant. Its mean over the step, an impulse over time, would be half a step late.
+    """
+    omega, damping = 2.0 * math.pi * parameters[2], parameters[3]
     half, ratio = 0.5 * parameters[0], parameters[1]
     carried = ratio * motion[INERTIA]
     motion[INERTIA] -= carried
@@ -39,15 +43,13 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
         state[0], state[1], state[2] = 1.0, 0.0, motion[VELOCITY]
         return 0.0
     if abs(state[3] - dt) > SAME_STEP * dt:
-        omega, damping = 2.0 * math.pi * parameters[2], parameters[3]
         state[3], state[4] = dt, min(max(math.ceil(omega * dt / 0.1), 1), 50)
         state[5], state[6] = oscillate(1.0, 0.0, omega, damping, dt / state[4])
         state[7], state[8] = oscillate(0.0, 1.0, omega, damping, dt / state[4])
     shaft = motion[TRAVEL] / dt
     step = dt / state[4]
-    deflection, rate, impulse = state[1], state[2] - shaft, 0.0
+    deflection, rate = state[1], state[2] - shaft
     for _ in range(int(state[4])):
-        before = rate
         end = min(max(deflection, -half), half)
         beyond = deflection - end
         if beyond == 0.0:
@@ -55,10 +57,12 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
         else:
             deflection = end + state[5] * beyond + state[7] * rate
             rate = state[6] * beyond + state[8] * rate
-        impulse += rate - before
     state[1] = deflection
     state[2] = shaft + rate
-    return float(carried * impulse / dt)
+    beyond = deflection - min(max(deflection, -half), half)
+    if beyond == 0.0:
+        return 0.0
+    return float(-carried * (omega * omega * beyond + 2.0 * damping * omega * (state[2] - motion[VELOCITY])))
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:

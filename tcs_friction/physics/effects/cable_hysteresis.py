@@ -22,6 +22,10 @@ from tcs_friction.physics.terms import (
     spring_rate,
 )
 
+WIDE = 5.0  # bristle deflections: what turns over in less is the bearing's own pre-sliding
+UNKNOWN_BRISTLE = 1e-3  # rad, where no law says: rolling friction builds up within 0.1 mm (Futami, Furutani & Yoshida 1990)
+TWICE = 2.0  # a cable has to drag along and slip within the travel to be told from a spring
+
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -35,8 +39,21 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     """Widths from well above the bristles' to a third of the travel."""
-    lowest = max(5.0 * survey.bristle, 1e-3 * survey.span)
+    lowest = max(narrowest(survey), 1e-3 * survey.span)
+    if TWICE * lowest > survey.span:
+        return []
     return [{"width": width} for width in geometric(lowest, max(0.3 * survey.span, 2.0 * lowest), 8)]
+
+
+def narrowest(survey: Survey) -> float:
+    """The least width (rad) that is no bristle's."""
+    return WIDE * (survey.bristle if survey.bristle > 0.0 else UNKNOWN_BRISTLE)
+
+
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    if values["width"] < narrowest(survey):
+        return "it turns over within the travel of a bristle"
+    return "it does not turn over within the travel" if TWICE * values["width"] > survey.span else ""
 
 
 def rate(values: Mapping[str, float], inertia: float) -> float:
@@ -57,6 +74,7 @@ TERM = Term(
     coordinate="time_since_reversal",
     subsystem="cable",
     scan=scan,
+    implausible=implausible,
     needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS}),
     rate=rate,
 )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
-from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Term, kernel, resolved
+from tcs_friction.physics.terms import CYCLE, POSITION, Parameter, Place, Role, Survey, Term, kernel, resolved
 
 HARMONICS = 4
 
@@ -37,6 +38,12 @@ def _harmonic(j: int) -> tuple[Parameter, Parameter]:
     )
 
 
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    """While bristles bend the axis does not slide, and their torque follows the position, too."""
+    half = math.pi / (values["order"] * survey.cycle)
+    return "half a wave is shorter than the travel of a bristle" if half < survey.bristle else ""
+
+
 TERM = Term(
     id="cogging",
     place=Place.OPPOSING,
@@ -50,4 +57,6 @@ TERM = Term(
     coordinate="position",
     subsystem="actuator",
     periodic="position",
+    whole=True,
+    implausible=implausible,
 )

@@ -10,13 +10,8 @@ from tcs_friction.physics.terms import Parameter, Place, Role, Term, kernel
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: started, velocity of the other axis at the previous instant, its acceleration."""
-    velocity = motion[int(parameters[1])]
-    if state[0] != 0.0 and dt > 0.0:
-        state[2] = (velocity - state[1]) / dt
-    state[0] = 1.0
-    state[1] = velocity
-    return float(parameters[0] * state[2])
+    """The signal's rate stands behind its value, both of the same instant: a difference to the instant before would be late."""
+    return float(parameters[0] * motion[int(parameters[1]) + 1])
 
 
 def may_be_a_velocity(name: str) -> bool:
@@ -31,7 +26,6 @@ TERM = Term(
     parameters=(Parameter("inertia", "kg m^2", "coupling inertia", role=Role.LINEAR),),
     kernel=torque,
     reads=(),
-    states=3,
     signals=1,
     coordinate="exogenous",
     subsystem="environment",

@@ -36,5 +36,6 @@ TERM = Term(
     coordinate="position",
     subsystem="sensor",
     periodic="position",
+    whole=True,
     warn=warnings,
 )

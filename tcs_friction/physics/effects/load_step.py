@@ -17,6 +17,13 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"time": survey.start + survey.duration * (i + 1) / 31} for i in range(30)]
 
 
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    """A torque keeps its sign when the axis turns back, friction does not: both ways have to be seen before and after."""
+    time = values["time"]
+    between = any(end <= time for _, end in survey.turns) and any(begin >= time for begin, _ in survey.turns)
+    return "" if between else "the axis does not turn back both before and after it"
+
+
 def extent(values: Mapping[str, float]) -> tuple[float, float | None]:
     return values["time"], None
 
@@ -34,6 +41,7 @@ TERM = Term(
     coordinate="time",
     subsystem="environment",
     scan=scan,
+    implausible=implausible,
     discontinuous=True,
     extent=extent,
 )

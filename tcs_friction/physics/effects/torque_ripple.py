@@ -30,4 +30,5 @@ TERM = Term(
     coordinate="position",
     subsystem="actuator",
     periodic="position",
+    whole=True,
 )

@@ -20,6 +20,8 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
+SLOW = 2.0  # periods of the motion, so that friction is seen at the same places and speeds while it falls
+
 
 @kernel
 def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -30,7 +32,14 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    return [{"time_constant": tau} for tau in geometric(survey.duration / 30.0, survey.duration, 7)]
+    fastest = max(survey.duration / 30.0, SLOW * survey.period)
+    if fastest > survey.duration:
+        return []
+    return [{"time_constant": tau} for tau in geometric(fastest, survey.duration, 7)]
+
+
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    return "it is fast against the motion" if values["time_constant"] < SLOW * survey.period else ""
 
 
 TERM = Term(
@@ -62,5 +71,6 @@ TERM = Term(
     reads=(),
     coordinate="time",
     scan=scan,
+    implausible=implausible,
     needs=frozenset({Need.DURATION}),
 )
