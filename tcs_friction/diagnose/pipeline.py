@@ -60,13 +60,14 @@ def diagnose(
 
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
-    balance, retuned = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
+    balance, retuned, base = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
     data = balance.data
 
     remainder = lru_cache(maxsize=1)(partial(remainder_of, balance))  # the search and the next stage ask of one fit
     selection = select_effects(
         balance,
         retuned,
+        base,
         file.axis,
         barred(data, file.axis),
         enough=lambda base, fit: remainder(base, fit).further_effects_are_map,
@@ -85,17 +86,20 @@ def diagnose(
 
 def _unless_contradicted_at_rest(
     recordings: Sequence[Recording], believed: Axis, balance: TorqueBalance, retuned: Fit
-) -> tuple[TorqueBalance, Fit]:
-    """Balance and retuned fit, of a law without memory where the recording contradicts the law's memory at rest.
+) -> tuple[TorqueBalance, Fit, Fit]:
+    """Balance, retuned fit and the fit to start a search from.
 
-    Nothing is then compared where such friction is unknown.
+    Where the recording contradicts the law's memory at rest, that has a law without memory, and nothing is compared where such
+    friction is unknown.
     """
     if retuned.axis.friction.term.without_memory:
-        return balance, retuned
+        return balance, retuned, retuned
     other = TorqueBalance(prepare(recordings, at_rest=False), balance.stated_delay)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
     law = law_without_memory(other, again) if contradicted_at_rest(other, retuned, again) else None
-    return (balance, retuned) if law is None else (other, settle(other, law.axis, law.noise, rounds=2))
+    if law is None:
+        return balance, retuned, retuned
+    return other, again, settle(other, law.axis, law.noise, rounds=2)
 
 
 def _explanation(

@@ -33,8 +33,7 @@ class Parameter:
     """One declared parameter of a term. `unit` is that of a rotary axis; `unit_for` gives the linear one.
 
     default: None where a value has to be given. feature: what of the friction it describes, if that is one of the usual parts.
-    refitted: whether a diagnosis fits it anew where a friction law has it. stated: whether a sentence about the effect has room
-    for it; a table has them all.
+    stated: whether a sentence about the effect has room for it; a table has them all.
     """
 
     name: str
@@ -45,7 +44,6 @@ class Parameter:
     default: float | None = None
     role: Role = Role.SHAPE
     feature: Feature | None = None
-    refitted: bool = True
     stated: bool = True
 
     def unit_for(self, kind: str) -> str:

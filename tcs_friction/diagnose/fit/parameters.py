@@ -83,7 +83,7 @@ def free_parameters(axis: Axis, torque_step: float = 1.0) -> list[FreeNumber]:
     """
     free = [INERTIA]
     for parameter in axis.friction.term.parameters:
-        if parameter.refitted and parameter.role is not Role.FIXED and axis.friction.values[parameter.name] > 0.0:
+        if parameter.role is not Role.FIXED and axis.friction.values[parameter.name] > 0.0:
             free.append(FreeNumber(Part.FRICTION, parameter.name, Form.LOGARITHM, RELATIVE_STEP))
     for item in axis.effects:
         for parameter, phase in amplitudes(item.term.parameters):

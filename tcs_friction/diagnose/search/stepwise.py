@@ -76,17 +76,19 @@ class Selection:
 def select_effects(
     balance: TorqueBalance,
     retuned: Fit,
+    base: Fit,
     believed: Axis,
     excluded: frozenset[str],
     enough: Callable[[Fit, Fit], bool],
     progress: Progress,
 ) -> Selection:
-    """Add effects to the retuned fit, and change its friction law, while that earns its place.
+    """Add effects to the base, and change its friction law, while that earns its place.
 
-    believed: the axis as its file gives it. excluded: ids of effects that the data cannot carry. enough: asked from the second
-    effect on with the base and the fit, whether to go on makes no sense. progress: may raise to cancel.
+    retuned: fit of what the model has alone. base: the same, or with another friction law. believed: the axis as its file gives it.
+    excluded: ids of effects that the data cannot carry. enough: asked from the second effect on with the base and the fit,
+    whether to go on makes no sense. progress: may raise to cancel.
     """
-    base, fit, rounds = retuned, retuned, list[tuple[Candidate, ...]]()
+    fit, rounds = base, list[tuple[Candidate, ...]]()
     alternatives: dict[Kind, float] = {}
     for number in range(MOST_EFFECTS):
         progress(0.2 + 0.1 * number, f"round {number + 1}: {len(fit.axis.effects)} effects")

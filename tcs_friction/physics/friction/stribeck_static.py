@@ -62,7 +62,6 @@ TERM = Term(
             upper=4.0,
             default=2.0,
             feature=Feature.STRIBECK,
-            refitted=False,
         ),
     ),
     kernel=friction,
