@@ -96,7 +96,7 @@ def _unless_contradicted_at_rest(
         return balance, retuned, retuned
     other = TorqueBalance(prepare(recordings, at_rest=False), balance.stated_delay)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
-    law = law_without_memory(other, again) if contradicted_at_rest(other, retuned, again) else None
+    law = law_without_memory(other, again, believed) if contradicted_at_rest(other, retuned, again) else None
     if law is None:
         return balance, retuned, retuned
     return other, again, settle(other, law.axis, law.noise, rounds=2)

@@ -14,6 +14,7 @@ from tcs_friction import cli
 from tcs_friction.commands import diagnose as command
 from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
+from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
 from tcs_friction.diagnose.search.hypotheses import Kind
@@ -57,11 +58,14 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         0.4,
         0.1,
         -50.0,
+        Agreement(1.0, 0.01, 12, 0.99),
+        True,
     )
     return Diagnosis(
         "missing_physics",
         "The model lacks torque_bias.",
         (found,),
+        (),
         Unexplained(),
         0.1,
         Errors(0.5, 0.6),

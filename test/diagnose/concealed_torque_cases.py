@@ -116,4 +116,4 @@ def unfitted(balance: TorqueBalance, model: Axis, noise: NoiseModel) -> Fit:
 def selected(balance: TorqueBalance, excluded: frozenset[str] = frozenset()) -> Selection:
     """The effects that the search adds to the believed axis, some excluded."""
     retuned = settle(balance, axis(), white_noise(balance.samples))
-    return select_effects(balance, retuned, retuned, axis(), excluded, enough=lambda _: False, progress=lambda *_: None)
+    return select_effects(balance, retuned, retuned, axis(), excluded, enough=lambda *_: False, progress=lambda *_: None)

@@ -14,7 +14,8 @@ from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
-from tcs_friction.diagnose.outcome.conclusion import Explanation, conclude
+from tcs_friction.diagnose.outcome.conclusion import conclude
+from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.hypotheses import Kind, Start, kind_of

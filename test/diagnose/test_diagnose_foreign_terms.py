@@ -59,7 +59,7 @@ TERM = Term(
     parameters=(
         Parameter("drag", "N m s/rad", "viscous", lower=0.0, role=Role.LINEAR, feature=Feature.VISCOUS),
         Parameter("grip", "N m", "level", lower=1e-12, feature=Feature.DRY),
-        Parameter("creep", "rad/s", "velocity of turning over", lower=1e-12, refitted=False),
+        Parameter("creep", "rad/s", "velocity of turning over", lower=1e-12, role=Role.FIXED),
     ),
     kernel=friction,
     reads=(),
@@ -173,7 +173,7 @@ def test_it_is_named_with_its_numbers(found: Diagnosis) -> None:
     assert item.parameters["pull"]["value"] == pytest.approx(PULL, rel=0.02)
     assert item.parameters["spot"]["value"] == pytest.approx(SPOT, abs=0.02 * REACH)
     assert item.parameters["reach"]["value"] == pytest.approx(REACH, rel=0.02)
-    assert found.axis_file.axis.friction.values["creep"] == 0.02  # the law said that it is not refitted
+    assert found.axis_file.axis.friction.values["creep"] == 0.02  # the law said that it is fixed
     assert found.improved.held_out < 1.2 * found.noise_floor < found.retuned.held_out
 
 

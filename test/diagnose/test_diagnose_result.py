@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.result import Found
 from tcs_friction.diagnose.search.hypotheses import Kind
 from tcs_friction.physics.registry import effect
@@ -11,7 +12,8 @@ from tcs_friction.physics.terms import Instance, instance
 
 
 def found(item: Instance, *equivalent: Kind) -> Found:
-    return Found(item, equivalent, 0.5, {}, {"coordinate": "position"}, 1.0, 2.0, 1.0, -10.0)
+    agreement = Agreement(1.0, 0.01, 12, 0.99)
+    return Found(item, equivalent, 0.5, {}, {"coordinate": "position"}, 1.0, 2.0, 1.0, -10.0, agreement, True)
 
 
 def through(signal: str) -> Instance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
 from tcs_friction.diagnose.outcome.statement import statement
 from tcs_friction.physics.registry import effect
@@ -13,7 +14,7 @@ ERRORS = {name: Errors(x, x) for name, x in (("believed", 3.0), ("retuned", 2.0)
 def found(name: str, **values: float) -> Found:
     given = {k: {"value": v, "std": 0.1, "unit": effect(name).parameter(k).unit} for k, v in values.items()}
     item = instance(effect(name), values)
-    return Found(item, (), 1.0, given, {}, 0.7, 2.0, 0.5, -100.0)
+    return Found(item, (), 1.0, given, {}, 0.7, 2.0, 0.5, -100.0, Agreement(1.0, 0.01, 12, 0.99), True)
 
 
 def said(*effects: Found, verdict: str = "missing_physics", mapped: bool = False) -> str:

@@ -82,14 +82,21 @@ def other_laws(axis: Axis) -> list[Term]:
     ]
 
 
-def law_candidates(balance: TorqueBalance, fit: Fit, terms: Sequence[Term]) -> list[LawCandidate]:
-    """Each of these laws in the place of a fit's own, fitted jointly, best first."""
+def law_candidates(
+    balance: TorqueBalance, fit: Fit, terms: Sequence[Term], believed: Axis
+) -> list[LawCandidate]:
+    """Each of these laws in the place of a fit's own, fitted jointly, best first.
+
+    They start from the fit's own values and from the believed ones: while a law lacked something, its numbers may have gone
+    astray to stand in for that.
+    """
     projected = ProjectedResidual(balance, fit)
     view = survey(balance, fit.axis)
+    sources = [fit.axis, replace(fit.axis, friction=believed.friction)]
     starts = [
         (term, axis)
         for term in terms
-        for axis in _best_starts(projected, starting_axes(fit.axis, term, view))
+        for axis in _best_starts(projected, [x for source in sources for x in starting_axes(source, term, view)])
     ]
     first = side_by_side(lambda pair: fit_jointly(balance, pair[1], fit.noise, FIRST_STEPS), starts)
     best: dict[str, Fit] = {}
@@ -112,13 +119,13 @@ def contradicted_at_rest(moving: TorqueBalance, fit: Fit, moving_fit: Fit) -> bo
     return rms(left[0]) > CONTRADICTED * rms(left[1])
 
 
-def law_without_memory(balance: TorqueBalance, retuned: Fit) -> Fit | None:
+def law_without_memory(balance: TorqueBalance, retuned: Fit, believed: Axis) -> Fit | None:
     """The fit with a law without memory, None where the memory of the fit's own law earns its place in motion.
 
     balance: of a data set in which nothing is compared where such friction is unknown.
     """
     terms = [term for term in laws().values() if term.without_memory and "torque" not in term.reads]
-    fits = [candidate.fit for candidate in law_candidates(balance, retuned, terms)]
+    fits = [candidate.fit for candidate in law_candidates(balance, retuned, terms, believed)]
     best = min(fits, key=lambda fit: fit.squares - retuned.squares)
     earned = (best.squares - retuned.squares) / retuned.squares.dispersion
     return None if earned > threshold(balance, [retuned.axis.friction.term], 1) else best
@@ -206,7 +213,7 @@ def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[
     better, found = fit.axis.friction.term, list[Lack]()
     for effect, features in missing_features(better, believed.friction.term).items():
         simpler = [law for law in laws().values() if not law.features & features and "torque" not in law.reads]
-        fits = [candidate.fit for candidate in law_candidates(balance, fit, simpler)]
+        fits = [candidate.fit for candidate in law_candidates(balance, fit, simpler, believed)]
         without = min(fits, key=lambda one: one.squares - fit.squares)
         gain = (without.squares - fit.squares) / fit.squares.dispersion
         if gain < threshold(balance, [better], max(len(fit.free) - len(without.free), 1)):

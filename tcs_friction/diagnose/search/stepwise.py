@@ -84,8 +84,8 @@ def select_effects(
 ) -> Selection:
     """Add effects to the base, and change its friction law, while that earns its place.
 
-    retuned: fit of what the model has alone. base: the same, or with another friction law. believed: the axis as its file gives it.
-    excluded: ids of effects that the data cannot carry. enough: asked from the second effect on with the base and the fit,
+    retuned: fit of what the model has alone. base: the same, or with another friction law. believed: the axis as its file gives
+    it. excluded: ids of effects that the data cannot carry. enough: asked from the second effect on with the base and the fit,
     whether to go on makes no sense. progress: may raise to cancel.
     """
     fit, rounds = base, list[tuple[Candidate, ...]]()
@@ -94,7 +94,7 @@ def select_effects(
         progress(0.2 + 0.1 * number, f"round {number + 1}: {len(fit.axis.effects)} effects")
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
         best = candidates[0] if candidates else None
-        law = _better_law(balance, fit, 0.0 if best is None else max(best.score, 0.0))
+        law = _better_law(balance, fit, believed, 0.0 if best is None else max(best.score, 0.0))
         if law is not None:
             base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
             fit = settle(balance, law.axis, law.noise, rounds=2)
@@ -116,7 +116,7 @@ def select_effects(
     return Selection(retuned, base, fit, tuple(rounds))
 
 
-def _better_law(balance: TorqueBalance, fit: Fit, score: float) -> Fit | None:
+def _better_law(balance: TorqueBalance, fit: Fit, believed: Axis, score: float) -> Fit | None:
     """The fit with another friction law that does as well as an effect with this score, None where there is none.
 
     Where the residual is as small as its noise no law is looked for.
@@ -124,7 +124,7 @@ def _better_law(balance: TorqueBalance, fit: Fit, score: float) -> Fit | None:
     found = misfit(balance, balance.residual(fit.axis, fit.noise))
     if found < 1.0 + NOISE_SHARE:
         return None
-    best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis)))
+    best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis), believed))
     return None if best is None or best.score < score - DISTINGUISHABLE * found else best.fit
 
 

@@ -1,0 +1,65 @@
+"""What independent pieces of the data say of an effect: the same size again, and more than what is left."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from concealed_torque_cases import axis, conditioned, settled, unfitted
+
+from tcs_friction.diagnose.outcome.agreement import FEWEST_PIECES, Agreement, agreement_on, random_effects
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
+
+
+def test_the_interval_of_a_mean_over_scattering_pieces_covers_it() -> None:
+    rng = np.random.default_rng(0)
+    variances = np.array([0.01, 0.02, 0.05] * 4)
+    covered = 0
+    for _ in range(400):
+        values = 1.0 + rng.normal(0.0, 0.3, 12) + rng.normal(0.0, np.sqrt(variances))
+        mean, deviation = random_effects(values, variances)
+        covered += abs(mean - 1.0) < 2.2 * deviation  # Student's t of 11 degrees of freedom at 95 %
+    assert 0.91 < covered / 400 < 0.985
+
+
+def test_pieces_that_differ_by_noise_alone_are_weighted_by_it() -> None:
+    values, variances = np.array([1.0, 1.0, 1.3]), np.array([0.01, 0.01, 100.0])
+    mean, deviation = random_effects(values, variances)
+    assert mean == pytest.approx(1.0, abs=1e-3)
+    assert deviation == pytest.approx(math.sqrt(1.0 / 200.01), rel=1e-6)
+
+
+def test_too_few_pieces_say_nothing_of_a_scatter() -> None:
+    assert random_effects(np.array([1.0, 1.1]), np.array([0.1, 0.1]))[1] == math.inf
+    assert random_effects(np.zeros(0), np.zeros(0)) == (0.0, math.inf)
+    assert Agreement(1.0, math.inf, FEWEST_PIECES - 1, 1.0).probability == 1.0
+
+
+@pytest.mark.parametrize(
+    ("multiple", "deviation", "explained", "lowest", "highest"),
+    [
+        (1.0, 0.01, 0.99, 0.99, 1.0),  # it comes back, and hardly anything is left
+        (1.0, 0.01, 0.5, 0.49, 0.51),  # as much is left as it explains
+        (0.3, 0.3, 0.99, 0.0, 0.7),  # it does not come back
+        (-1.0, 0.1, 0.99, 0.0, 0.0),  # it comes back with the other sign
+        (1.0, 0.01, 0.0, 0.0, 0.0),  # it explains nothing that was held out
+    ],
+)
+def test_a_name_is_probable_if_the_effect_comes_back_and_outweighs_what_is_left(
+    multiple: float, deviation: float, explained: float, lowest: float, highest: float
+) -> None:
+    assert lowest <= Agreement(multiple, deviation, 12, explained).probability <= highest
+
+
+def test_an_effect_that_is_there_agrees_and_one_that_is_not_does_not() -> None:
+    balance, retuned = settled(conditioned(np.random.default_rng(3), lambda m: np.full(len(m.t), 4.0), seconds=80.0))
+    bias = instance(effect("torque_bias"), {"bias": 4.0})
+    there = unfitted(balance, axis().with_effect(bias), retuned.noise)
+    known = agreement_on(balance, there, retuned)
+    assert known.multiple == pytest.approx(1.0, abs=4.0 * known.deviation + 0.02)
+    assert known.probability > 0.95
+    drag = instance(effect("quadratic_drag"), {"coefficient": 30.0})
+    more = unfitted(balance, there.axis.with_effect(drag), retuned.noise)
+    assert agreement_on(balance, more, there).probability < 0.5

@@ -1,0 +1,105 @@
+"""The friction law as a question of its own: what a believed law lacks of the one that the axis has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from open_loop_cases import LUGRE, axis, recorded
+
+from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.outcome.result import Verdict
+from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.diagnose.search.laws import completing, missing_features, other_laws, starting_axes
+from tcs_friction.diagnose.search.projection import survey
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effect, law, laws
+from tcs_friction.physics.terms import Feature, instance
+from tcs_friction.recording.recording import Recording
+
+VALUES = LUGRE | {"exponent": 2.0}
+
+
+def with_law(name: str, factor: float = 1.0) -> Axis:
+    """The axis of the open-loop cases with another law, its values off by a factor."""
+    values = {p.name: factor * VALUES[p.name] for p in law(name).parameters if p.name in LUGRE}
+    return replace(axis(), friction=instance(law(name), values))
+
+
+def noisy(true: Axis) -> Recording:
+    recording = recorded(true, duration=60.0)
+    noise = 0.2 * np.random.default_rng(5).standard_normal(len(recording.t))
+    return replace(recording, torque=recording.torque + noise)
+
+
+@pytest.mark.parametrize(
+    ("true", "believed", "names"),
+    [
+        ("lugre", "dahl_viscous", {"stribeck"}),  # no effect adds the bristles' damping to a Dahl law
+        ("lugre", "coulomb_viscous", {"stribeck", "presliding"}),
+        ("dahl_viscous", "lugre", set()),  # a law that has all and more
+        ("coulomb_viscous", "coulomb_viscous", set()),  # at rest it only bounds the torque
+        ("coulomb_viscous", "dahl_viscous", set()),  # whose memory says what nothing remembers
+        ("stribeck_static", "dahl_viscous", {"stribeck"}),
+    ],
+)
+def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, names: set[str]) -> None:
+    found = diagnose([noisy(with_law(true))], AxisFile(with_law(believed, 1.1)))
+    assert {one.effect for one in found.effects} == names
+    assert found.improved.held_out < 1.2 * found.noise_floor
+    expected = (Verdict.MISSING_PHYSICS,) if names else (Verdict.PARAMETERS, Verdict.MATCH)
+    assert found.verdict in expected
+    if names:
+        assert found.free_run["improved"] < found.free_run["retuned"]
+
+
+def test_the_improved_axis_has_the_better_law() -> None:
+    found = diagnose([noisy(with_law("lugre"))], AxisFile(with_law("dahl_viscous")))
+    friction = found.axis_file.axis.friction
+    assert friction.term.id == "lugre"
+    assert friction.values["static"] == pytest.approx(90.0, rel=0.02)
+    drop = found.effects[0].parameters["drop"]
+    assert drop["value"] == pytest.approx(30.0, abs=5.0 * drop["std"] + 0.1)
+    assert 0.0 < drop["std"] < 3.0
+    assert drop["unit"] == "N m"
+
+
+def test_what_grows_with_the_load_takes_no_other_law() -> None:
+    own = with_law("dahl_viscous")
+    others = other_laws(own)
+    assert own.friction.term not in others
+    assert all(term.features >= own.friction.term.features and "torque" not in term.reads for term in others)
+
+
+def test_laws_start_from_what_they_share() -> None:
+    recording = noisy(with_law("dahl_viscous"))
+    view = survey(TorqueBalance(prepare([recording])), with_law("dahl_viscous"))
+    for term in laws().values():
+        starts = starting_axes(with_law("dahl_viscous"), term, view)
+        assert starts
+        for start in starts:
+            assert start.friction.values["coulomb"] == 60.0
+            assert start.friction.values.get("stiffness", 3e5) == 3e5
+
+
+def test_an_effect_stands_for_what_is_missing() -> None:
+    missing = missing_features(law("lugre"), law("dahl_viscous"))
+    assert missing == {effect("stribeck"): frozenset({Feature.STRIBECK})}
+    drop = completing(effect("stribeck"), with_law("lugre").friction)
+    assert drop.values == {"drop": 30.0, "stribeck_velocity": 6e-4}
+    bristle = completing(effect("presliding"), with_law("lugre").friction)
+    assert bristle.values == {"stiffness": 3e5, "damping": 2e4}
+
+
+def test_a_law_without_memory_is_compared_in_motion_only() -> None:
+    recording = noisy(with_law("coulomb_viscous"))
+    moving = TorqueBalance(prepare([recording], at_rest=False))
+    fit = settle(moving, with_law("coulomb_viscous"), white_noise(moving.samples))
+    everything = TorqueBalance(prepare([recording]))
+    left = [np.std(b.residual(fit.axis, fit.noise)[b.train]) for b in (moving, everything)]
+    assert left[0] < 0.1 * left[1]
