@@ -62,10 +62,12 @@ class _Conclusion:
         verdict = self._verdict(errors, unexplained, found, runs)
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
         lines = (*limits(data, believed), *passed_once(data, [i for i in fit.axis.effects if not i.term.tabulated]))
+        law = fit.axis.friction.term.words if fit.axis.friction.term is not believed.friction.term else ""
+        slower = bool(found) and runs["improved"] > runs["retuned"]
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
             verdict=verdict,
-            statement=statement(verdict, found, unexplained, errors, floor, lines, believed.kind, mapped, late),
+            statement=statement(verdict, found, unexplained, errors, floor, lines, believed.kind, mapped, late, law, slower),
             effects=found,
             described=described,
             unexplained=unexplained,
@@ -117,6 +119,8 @@ class _Conclusion:
             return Verdict.UNEXPLAINED
         if found:
             return Verdict.MISSING_PHYSICS if runs["improved"] <= runs["retuned"] else Verdict.UNEXPLAINED
+        if fit.axis.friction.term is not self.file.axis.friction.term:
+            return Verdict.PARAMETERS if errors["retuned"].train > WRONG_PARAMETERS * errors["improved"].train else Verdict.MATCH
         aligned = replace(self.file.axis, actuation_delay=fit.axis.actuation_delay)
         gain = (self.balance.squares(aligned, fit.noise) - fit.squares) / fit.squares.dispersion
         worse = _is_worse(self._errors(self._residual(aligned)), errors)

@@ -22,10 +22,13 @@ def statement(
     kind: str,
     mapped: bool = False,
     late: float = 0.0,
+    law: str = "",
+    moves_worse: bool = False,
 ) -> str:
     """What was found, how much it matters, how well it is proven, what the data cannot say.
 
-    `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters.
+    `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters. `law`: the friction
+    law of the improved axis, where it is another than believed. `moves_worse`: in a free run with what was found.
     """
     unit = unit_of("torque", kind)
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
@@ -35,6 +38,11 @@ def statement(
         if late:
             when = f"{abs(1e3 * late):.2g} ms {'later' if late > 0.0 else 'earlier'} than stated"
             text += f" Its torque acts {when}, within the log's sampling."
+    elif verdict == "parameters" and law:
+        text = (
+            f"No named physics is missing, but another friction law, {law}, takes the held-out residual from"
+            f" {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})."
+        )
     elif verdict == "parameters":
         text = (
             f"No physics is missing, but parameters are off: retuning takes the held-out residual from {held['believed']}"
@@ -44,12 +52,15 @@ def statement(
         names = listed([_phrase(found, unit) for found in effects[:SPOKEN]])
         if len(effects) > SPOKEN:
             names += f", and smaller {listed(effect_words(effects[SPOKEN:]))}"
-        gain = f"the held-out residual falls from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
+        way = "falls" if errors["improved"].held_out < errors["retuned"].held_out else "does not fall:"
+        gain = f"the held-out residual {way} from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
         over = " and ".join((unexplained.where or {}).get("coordinates", []))
         if verdict == "missing_physics":
             text = f"The model lacks {names}: with {'it' if len(effects) == 1 else 'them'} {gain}."
             if unexplained.present:
                 text += f" Something else remains, {unexplained.torque_rms:.3g} {unit} rms over {over}."
+        elif moves_worse and not unexplained.present:
+            text = f"With {names} {gain}, but a simulation with that moves no better."
         else:
             text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
             text += f", beside {names}" if names else ""

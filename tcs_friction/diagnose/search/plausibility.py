@@ -14,7 +14,7 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, same_wave, wave_angle
+from tcs_friction.diagnose.search.matched_filter import same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import IMPERFECT, chance
 from tcs_friction.physics.axis import Axis
@@ -32,6 +32,7 @@ SIDE_SIZE = 0.5  # of a line: what a change of amplitude puts on either side of 
 CONDITION = 30.0  # index from which columns depend strongly on each other (Belsley, Kuh & Welsch 1980, 3.2)
 LEFT_OVER = 2.0 / CONDITION  # of two equal torques with that index, when they cancel each other
 AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
+BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -190,7 +191,7 @@ def _sampled(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
     once = 2.0 * math.pi / (float(np.ptp(balance.data.joined("position"))) * axis.cycle)
     lowest, _ = item.term.orders(once, axis.kind == "rotary")
     finest = RESOLVED_PERIOD * max(balance.data.position_step, balance.data.position_noise)
-    return item.order > lowest - ONE_WAVE * once and 2.0 * math.pi > item.order * axis.cycle * finest
+    return item.order > (1.0 - BELOW_SEARCH) * lowest and 2.0 * math.pi > item.order * axis.cycle * finest
 
 
 def _out_of_range(balance: TorqueBalance, base: Axis, item: Instance) -> Doubt | None:

@@ -1,7 +1,7 @@
 """Stepwise selection: forward by the best confirmed candidate, backward by what no longer earns its place.
 
 In: the retuned fit. Out: a `Selection`: the chosen fit and the candidates of every round. Before any effect is added, and again
-after each one, other friction laws compete with the effects: what a wrong law leaves behind looks like effects. The noise model
+when no more is, other friction laws compete with the effects: what a wrong law leaves behind looks like effects. The noise model
 is estimated anew with each fit that is kept; inside a round all fits share one, so that their squares can be compared.
 """
 
@@ -93,16 +93,17 @@ def select_effects(
     for number in range(MOST_EFFECTS):
         progress(0.2 + 0.1 * number, f"round {number + 1}: {len(fit.axis.effects)} effects")
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
-        best = candidates[0] if candidates else None
-        law = _better_law(balance, fit, believed, 0.0 if best is None else max(best.score, 0.0))
+        best = _worth_adding(balance, base, fit, candidates)
+        law = None
+        if number == 0 or best is None:  # before any effect, and when no effect is left to be added
+            law = _better_law(balance, fit, believed, 0.0 if best is None else best.score)
         if law is not None:
             base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
-            fit = settle(balance, law.axis, law.noise, rounds=2)
-            fit = pruned(balance, fit, base, alternatives)
+            fit = pruned(balance, settle(balance, law.axis, law.noise, rounds=2), base, alternatives)
             candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
-            best = candidates[0] if candidates else None
+            best = _worth_adding(balance, base, fit, candidates)
         rounds.append(tuple(candidates))
-        if best is None or best.score <= 0.0 or best.gain < imperfection(base, fit, balance):
+        if best is None:
             break
         new = {item.identity for item in best.items} if len(best.items) == 1 else set()
         earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
@@ -114,6 +115,14 @@ def select_effects(
         if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
             break
     return Selection(retuned, base, fit, tuple(rounds))
+
+
+def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Sequence[Candidate]) -> Candidate | None:
+    """The best candidate, None where it gains no more than chance or the errors of other effects give."""
+    best = candidates[0] if candidates else None
+    if best is None or best.score <= 0.0 or best.gain < imperfection(base, fit, balance):
+        return None
+    return best
 
 
 def _better_law(balance: TorqueBalance, fit: Fit, believed: Axis, score: float) -> Fit | None:
