@@ -27,8 +27,8 @@ def statement(
 ) -> str:
     """What was found, how much it matters, how well it is proven, what the data cannot say.
 
-    `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters. `law`: the friction
-    law of the improved axis, where it is another than believed. `moves_worse`: in a free run with what was found.
+    `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters. `law`: the
+    friction law of the improved axis, where it is another than believed. `moves_worse`: in a free run with what was found.
     """
     unit = unit_of("torque", kind)
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
