@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,9 +88,8 @@ class _Proof:
         penalty = count * math.log(self.balance.samples.effective_count)
         certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
         agreement = agreement_on(self.balance, fit, alone)
-        if item.term.collides:  # no collision comes at its exact time: what is left may be as large as they are
-            agreement = replace(agreement, explained=1.0)
-        certainty *= agreement.probability
+        if not item.term.collides:  # no collision comes at its exact time: pieces scatter, and as much may be left
+            certainty *= agreement.probability
         return Found(
             instance=item,
             equivalent=equivalent,
