@@ -88,6 +88,9 @@ def summary(found: Diagnosis) -> str:
         other = f"; or {', '.join(entry['equivalent'])}" if entry["equivalent"] else ""
         size = f"{entry['torque_rms']:9.3g} {unit} rms  {entry['probability']:5.0%}"
         lines.append(f"  {entry['effect']:28} {size}  {values}{other}")
+    if content["described"]:
+        names = ", ".join(f"{entry['effect']} ({entry['torque_rms']:.3g} {unit} rms)" for entry in content["described"])
+        lines.append(f"  described, not established: {names}")
     fit, free = content["fit"], content["free_run"]
     lines.append(f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:g} s, {position} rms")
     for name in ("believed", "retuned", "improved"):

@@ -75,8 +75,16 @@ def write_report(
         section("Before and after", picture(series), _fit_table(diagnosis, evidence)),
     ]
     if diagnosis["effects"]:
+        parts.append(section("What was left out", _effects_table(diagnosis["effects"], evidence), *map(picture, effects)))
+    if diagnosis["described"]:
         parts.append(
-            section("What was left out", _effects_table(diagnosis, evidence), *map(picture, effects))
+            section(
+                "What predicts, but is not established",
+                "These predict torque. They do not come back with the same size, or are no larger than what remains: "
+                "they may be parts of something that is not in the vocabulary.",
+                _effects_table(diagnosis["described"], evidence),
+                *map(picture, effects if not diagnosis["effects"] else ()),
+            )
         )
     if evidence.learned is not None:
         remains = draw_map(evidence.learned, evidence.torque_unit)
@@ -312,9 +320,9 @@ def _digits(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"
 
 
-def _effects_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
+def _effects_table(found: Sequence[Mapping[str, Any]], evidence: Evidence) -> Html:
     rows: list[Sequence[str | Cell]] = []
-    for entry in diagnosis["effects"]:
+    for entry in found:
         values = "; ".join(
             unbroken(f"{name} {with_error(p['value'], p.get('std'))} {p.get('unit') or ''}".rstrip())
             for name, p in entry["parameters"].items()

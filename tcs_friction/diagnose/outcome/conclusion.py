@@ -82,7 +82,14 @@ class _Conclusion:
             limits=lines,
             axis_file=self.file.with_axis(fit.axis),
             evidence=evidence_of(
-                self.balance, fit, self.explanation.rounds, self.explanation.contests, residuals, located, self._notes()
+                self.balance,
+                fit,
+                self.explanation.rounds,
+                self.explanation.contests,
+                residuals,
+                located,
+                self._notes(),
+                self.explanation.lacks,
             ),
         )
 

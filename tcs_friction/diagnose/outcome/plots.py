@@ -16,6 +16,7 @@ from tcs_friction.diagnose.outcome.atlas import AtlasEntry
 from tcs_friction.diagnose.outcome.plot_data import CoordinateCurve, Evidence, Isolated, Map, RunnerUp
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.hypotheses import Kind, kind_of
+from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.rivals import Contest
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import COORDINATES, Instance
@@ -34,15 +35,21 @@ def evidence_of(
     residuals: Mapping[str, np.ndarray],
     located: Sequence[AtlasEntry],
     notes: tuple[str, ...],
+    lacks: Sequence[Lack] = (),
 ) -> Evidence:
-    """Evidence for the improved axis of a fit: residuals (n,) believed, retuned and improved, the atlas of the retuned one."""
+    """Evidence for the improved axis of a fit: residuals (n,) believed, retuned and improved, the atlas of the retuned one.
+
+    lacks: of the believed friction law.
+    """
     axis = fit.axis
     t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | balance.held_out)  # without the ends of stretches
     thin = counted[:: max(1, len(counted) // PLOTTED)]
     curves = (
         CoordinateCurve(e.coordinate, e.unit, e.x, e.mean, e.band, e.share, e.p_value) for e in located if len(e.x) > 1
     )
-    named = [item for item in axis.effects if not item.term.tabulated]
+    found = [item for item in axis.effects if not item.term.tabulated]
+    left = [(item, balance.residual(axis.without_effect(item), fit.noise)) for item in found]
+    left += [(lack.effect, balance.residual(lack.without.axis, fit.noise)) for lack in lacks]
     return Evidence(
         t=t[thin],
         believed=residuals["believed"][thin],
@@ -50,7 +57,7 @@ def evidence_of(
         improved=residuals["improved"][thin],
         held_out=balance.held_out[thin],
         atlas=tuple(curves),
-        isolated=tuple(_isolated(balance, fit, item, residuals["improved"], thin) for item in named),
+        isolated=tuple(_isolated(balance.data, axis, item, x, residuals["improved"], thin) for item, x in left),
         learned=_map(balance.data, axis),
         runners_up=_runners_up(rounds, contests, axis),
         torque_unit=unit_of("torque", axis.kind),
@@ -59,12 +66,12 @@ def evidence_of(
     )
 
 
-def _isolated(balance: TorqueBalance, fit: Fit, item: Instance, improved: np.ndarray, thin: np.ndarray) -> Isolated:
-    """What is left when all but this effect is taken away, against the effect's coordinate; a wave over its period."""
-    axis = fit.axis
-    left = balance.residual(axis.without_effect(item), fit.noise)
+def _isolated(
+    data: DataSet, axis: Axis, item: Instance, left: np.ndarray, improved: np.ndarray, thin: np.ndarray
+) -> Isolated:
+    """What is `left` (n,) without this effect, against the effect's coordinate; a wave over its period."""
     coordinate = _drawn_over(item)
-    x, unit = values_of(balance.data, coordinate), unit_of(coordinate, axis.kind)
+    x, unit = values_of(data, coordinate), unit_of(coordinate, axis.kind)
     period = where(item, axis)["period"]
     if period is not None and np.ptp(x) > FOLDED * period:
         coordinate, x = f"{coordinate}_within_a_period", x % period
