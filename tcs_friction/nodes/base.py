@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
-from tcs_friction.errors import InputError, TcsError, one_line, refusal
+from tcs_friction.errors import TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.driver import DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file

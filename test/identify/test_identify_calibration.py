@@ -262,7 +262,7 @@ def test_a_worse_agreement_is_refused_and_one_that_is_the_same_is_not(legs: Loop
     assert accepted(again) is again, "a calibrated observer may be calibrated again"
     error = 0.05 * np.sqrt(np.mean(found.measured**2))
     worse = replace(found, after=found.measured + error, accuracy=0.95, before=found.measured, accuracy_before=1.0)
-    with pytest.raises(JobError, match="95.00 % over everything, worse than the 100.00 % over everything before"):
+    with pytest.raises(JobError, match=r"95\.00 % over everything, worse than the 100\.00 % over everything before"):
         accepted(worse)
 
 
