@@ -188,8 +188,8 @@ def test_launched_for_real_the_graph_moves_and_a_signal_ends_it(
 
     try:
         for name in ("plant", "controller"):
-            assert any(active(name) for _ in range(20) if process.poll() is None), said()
-        assert caller.until(lambda: said().count("ready: axis") == len(GRAPH), 60.0), said()
+            assert any(active(name) for _ in range(60) if process.poll() is None), said()
+        assert caller.until(lambda: said().count("ready: axis") == len(GRAPH), 200.0), said()
         moved = "run_until (0.5 s) is reached"
         assert (
             caller.until(lambda: moved in said(), 60.0) if clock == "lock_step" else caller.positions(1.0)
