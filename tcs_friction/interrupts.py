@@ -1,8 +1,8 @@
 """Ctrl-C ends a command at whatever moment it comes.
 
 Python turns SIGINT into the exception KeyboardInterrupt in whatever code is running. In a destructor, or in a callback from C, it
-cannot get out: the interpreter prints "Exception ignored in ..." and goes on. Some libraries drop it without a word. Here an
-interrupt that is no longer on its way is raised again, until it has ended the command.
+cannot get out: the interpreter prints "Exception ignored in ..." and goes on. Some libraries drop it without a word, or make
+another exception of it. Here an interrupt that is no longer on its way is raised again, until it has ended the command.
 """
 
 from __future__ import annotations
@@ -37,6 +37,10 @@ def interruptible(last: bool = False) -> Iterator[None]:
         if here:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         yield
+    except Exception as error:
+        if interrupt.came:  # what it was raised in has made another exception of it
+            raise KeyboardInterrupt from error
+        raise
     finally:
         interrupt.over = True  # before anything is called, in whose beginning one more could be raised
         if ours:
@@ -51,14 +55,15 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self.over = False  # it has left the context, or nothing is left to be interrupted
-        self._alarm: Any = None  # the handler of SIGALRM that was there before; None until an interrupt comes
+        self.came = False
+        self._alarm: Any = None  # the handler of SIGALRM that was there before it came
 
     def arrives(self, *_: object) -> None:
         """The handler of SIGINT. A second one interrupts also what the first one made the program do."""
         if self.over:
             return
-        if self._alarm is None:
-            self._alarm = signal.signal(signal.SIGALRM, self._look_after)
+        if not self.came:
+            self.came, self._alarm = True, signal.signal(signal.SIGALRM, self._look_after)
         signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
         raise KeyboardInterrupt
 
@@ -72,10 +77,10 @@ class _Interrupt:
 
     def forget(self) -> None:
         """No timer any more."""
-        if self._alarm is not None:
+        if self.came:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._alarm)
-            self._alarm = None
+            exec("")  # Python kills itself by SIGINT in the end if one was raised in the last text that it executed
 
     def tell_others(self, hook: Any) -> Any:
         """A hook for exceptions that nobody can catch: of interrupts nothing is said, since they come again."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 
@@ -40,14 +43,18 @@ sys.exit(cli.main())
 def interrupted(body: str, before: str = "", times: int = 1) -> tuple[int, str, str]:
     """Status, output and errors of a command that gets SIGINT when it has said `ready`."""
     program = PROBE.format(before=before, body="\n".join(f"    {line}" for line in body.splitlines()))
-    child = subprocess.Popen([sys.executable, "-P", "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert child.stdout is not None
-    assert child.stdout.readline() == "ready\n"
-    for _ in range(times):
-        child.send_signal(signal.SIGINT)
-        time.sleep(0.05)
-    out, err = child.communicate(timeout=20)  # less than what `wait` takes
-    return child.returncode, out, err
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "probe.py").write_text(program)
+        command = [sys.executable, "-P", "-m", "probe"]  # a module, as ./tcs has it: Python ends scripts in another way
+        variables = {**os.environ, "PYTHONPATH": os.pathsep.join([folder, *sys.path])}
+        child = subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        for _ in range(times):
+            child.send_signal(signal.SIGINT)
+            time.sleep(0.05)
+        out, err = child.communicate(timeout=20)  # less than what `wait` takes
+        return child.returncode, out, err
 
 
 GOES_ON = "while True:\n    time.sleep(0.01)"
@@ -62,6 +69,18 @@ LOST = {
 @pytest.mark.parametrize("place", LOST)
 def test_an_interrupt_that_gets_lost_comes_again(place: str) -> None:
     assert interrupted(f"{LOST[place]}\n{GOES_ON}") == (130, "", "tcs-friction: interrupted\n")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "try:\n    wait()\nexcept KeyboardInterrupt:\n    raise RuntimeError('Error calling __set_name__')",
+        "exec('wait()')",
+    ],
+)
+def test_what_python_makes_of_an_interrupt_does_not_matter(body: str) -> None:
+    """Another exception, as in the making of a class; the end of the process by a signal, after a text that was executed."""
+    assert interrupted(body) == (130, "", "tcs-friction: interrupted\n")
 
 
 def test_what_an_interrupt_leaves_to_tidy_up_is_not_interrupted() -> None:
