@@ -370,6 +370,15 @@ def test_known_weaknesses_are_found_without_a_network(version: str, weak: int, t
     assert done.returncode == weak
 
 
+def test_licences_of_ros_packages_are_those_they_state(tmp_path: Path) -> None:
+    (tmp_path / "share/thing").mkdir(parents=True)
+    stated = "<license>Apache\n License 2.0</license><license>MIT</license>"
+    (tmp_path / "share/thing/package.xml").write_text(f"<package><name>thing</name><version>1.2.3</version>{stated}</package>")
+    command = [sys.executable, str(ROOT / ".ci/ros_licences.py"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ['"Name","Version","License"', '"thing","1.2.3","Apache License 2.0; MIT"']
+
+
 def test_pip_takes_nothing_without_its_hash(checkout: Path, tmp_path: Path) -> None:
     module = load(checkout / "tcs")
     command = module.pip("core", "test")
