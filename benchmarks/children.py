@@ -6,11 +6,13 @@ import multiprocessing
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 
 @contextmanager
 def deaf() -> Iterator[None]:
     """Processes that are started within do not hear SIGINT, which a terminal sends to them too."""
+    resource_tracker.ensure_running()  # it is started with the first process otherwise, and unblocks SIGINT then
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

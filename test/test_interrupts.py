@@ -61,7 +61,9 @@ GOES_ON = "while True:\n    time.sleep(0.01)"
 LOST = {
     "in a destructor": "Waits()",
     "in a callback from C": "ctypes.CFUNCTYPE(None)(wait)()",
-    "in a callback of the garbage collector": "import gc\ngc.callbacks.append(lambda *_: (gc.callbacks.clear(), wait()))\ngc.collect()",
+    "in a callback of the garbage collector": (
+        "import gc\ngc.callbacks.append(lambda *_: (gc.callbacks.clear(), wait()))\ngc.collect()"
+    ),
     "by a library that drops everything": "try:\n    wait()\nexcept BaseException:\n    pass",
 }
 
