@@ -222,16 +222,18 @@ def test_applying_the_environment_twice_changes_nothing_more(checkout: Path) -> 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number: signal.Signals, checkout: Path) -> None:
-    """Also those that a build tool has started."""
+    """Also those that a build tool has started, each in a process group of its own as ninja does."""
     slow = checkout / "slow.py"
     pid_file = checkout / "pid"
-    command = f"sleep 60 & echo $$ $! > {pid_file}; wait"
+    program = "import os, subprocess as s; p = s.Popen(['sleep', '60'], process_group=0)\n"
+    program += f"open({str(pid_file)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}}\\n'); p.wait()"
+    command = [sys.executable, "-c", program]
     slow.write_text(
         "import os, runpy, signal\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a background job ignores it, a terminal's does not
         f"tcs = runpy.run_path({str(checkout / 'tcs')!r})\n"
         "tcs['end_on_signals']()\n"
-        f"tcs['run_stage'](1, 'slow', ['sh', '-c', {command!r}], dict(os.environ))\n"
+        f"tcs['run_stage'](1, 'slow', {command!r}, dict(os.environ))\n"
     )
     child = subprocess.Popen([sys.executable, str(slow)], stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 20.0
