@@ -15,7 +15,7 @@ from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
-from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import AxisFile, default_control, load_axis, save_axis, write_whole
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.errors import writing_into
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, calibrate, write, say what came out."""
-    never_over_an_input([arguments.output / name for name in WRITTEN], [*arguments.bags, arguments.axis])
+    results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
     kind, mapped = file.axis.kind, file.mapped(arguments.axis)
     signals = with_dynamometer(mapped, kind, arguments.dynamometer, arguments.field)
