@@ -1,18 +1,21 @@
 """Known weaknesses of locked packages, by a clone of the database of the Python Packaging Authority (pypa/advisory-database).
 
-audit_offline.py DATABASE LOCKED...: one line for each; exit status 1 when there is one. It knows what the clone knows.
+audit_offline.py DATABASE LOCKED...: a line for each one, and the day of the last change in the clone.
+Exit status 1 when there is one.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
 from packaging.utils import canonicalize_name
 from packaging.version import InvalidVersion, Version
+
+from tcs_friction.yaml_files import load_yaml
 
 
 def main() -> int:
@@ -22,8 +25,15 @@ def main() -> int:
         return 2
     pins = sorted({pin for file in files for pin in pinned(file)})
     found = [line for name, version in pins for line in weaknesses(database, name, version)]
-    print("\n".join([*found, f"{len(pins)} packages, {len(found)} known weaknesses"]))
+    print("\n".join([*found, f"{len(pins)} packages, {len(found)} weaknesses known on {newest(database)}"]))
     return 1 if found else 0
+
+
+def newest(database: Path) -> str:
+    """The day of the last change in the database; weaknesses found later are not in it."""
+    changed = re.compile(r"^(?:modified|published): ['\"]?(\d{4}-\d\d-\d\d)", re.MULTILINE)
+    days = [day for path in database.rglob("*.yaml") for day in changed.findall(path.read_text(encoding="utf-8"))]
+    return max(days, default="no day, since the database is empty")
 
 
 def pinned(file: Path) -> Iterator[tuple[str, str]]:
@@ -37,7 +47,7 @@ def pinned(file: Path) -> Iterator[tuple[str, str]]:
 def weaknesses(database: Path, name: str, version: str) -> Iterator[str]:
     """A line for every entry of the database that is about this version."""
     for path in sorted((database / name).glob("*.yaml")):
-        entry = yaml.safe_load(path.read_text(encoding="utf-8"))
+        entry = load_yaml(path)
         if "withdrawn" not in entry and any(concerns(affected, version) for affected in entry.get("affected", [])):
             details = " ".join(str(entry.get("details", "")).split())
             yield f"{name} {version}: {entry['id']} {details[:100]}"

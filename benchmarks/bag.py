@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.children import deaf, ended_with_this
 from tcs_friction.errors import JobError
 from tcs_friction.recording.bags import Bag, read_columns
 from tcs_friction.recording.encode import joint_states
@@ -155,8 +156,10 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 def _in_own_process(name: str, bag: Path, small: Path, limit: int | None, folder: str) -> dict[str, Any]:
     out = os.path.join(folder, "out.npz")
     process = multiprocessing.get_context("spawn").Process(target=_measure, args=(name, bag, small, limit, out))
-    process.start()
-    process.join()
+    with deaf():
+        process.start()
+    with ended_with_this():
+        process.join()
     if process.exitcode:
         raise JobError(f"bench bag: {name}", f"ended with status {process.exitcode}", "mcap and mcap-ros2-support installed")
     with np.load(out) as measured:

@@ -14,13 +14,14 @@ import multiprocessing
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from benchmarks.children import deaf, ended_with_this
 from benchmarks.concealed_baselines import baselines
 from benchmarks.concealed_effects import EFFECTS, OUTSIDE
 from benchmarks.concealed_oracle import detection_limit
@@ -85,15 +86,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """All worlds, then the limits where asked for."""
-    with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool, ended_with_this():
         if arguments.limits is not None and arguments.only is None:
             tasks = [(name, arguments.seed, arguments.stretch) for name in arguments.limits or LIMITED]
-            return limit_rows(list(_watched(pool.map(limits_of, tasks), len(tasks))))
+            return limit_rows(list(_watched(_begun(pool, limits_of, tasks), len(tasks))))
         cases = draw_cases(arguments.seed, arguments.worlds, arguments.stretch, arguments.only)
         if arguments.count is not None and arguments.count < len(cases):
             kept = np.random.default_rng(arguments.seed).choice(len(cases), arguments.count, replace=False)
             cases = [cases[i] for i in sorted(kept)]
-        return rows(list(_watched(pool.map(solve, cases), len(cases))))
+        return rows(list(_watched(_begun(pool, solve, cases), len(cases))))
+
+
+def _begun(pool: ProcessPoolExecutor, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
+    with deaf():
+        return pool.map(work, tasks)
 
 
 def _watched(results: Iterable[Any], count: int) -> Iterable[Any]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import random
+import shutil
 import signal
 import struct
 import sys
+import tempfile
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
 
-from tcs_friction.errors import JobError
+from tcs_friction.nodes.graph import ending
 
 LOOP = ("plant", "reference", "lugre_compensator", "dob", "controller")
 PERIOD = 0.01
@@ -49,42 +53,63 @@ def ros_arguments() -> list[str]:
 
 
 class Loop:
-    """The processes. They are forked from a server that has imported everything, so that a restart takes a second."""
+    """The processes. They are forked from a server that has imported everything, so that a restart takes a second.
+
+    What each of them writes on stderr is kept in a file of its own while it may be of interest.
+    """
 
     def __init__(self, seed: int) -> None:
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(["benchmarks.faulty_nodes", *(f"tcs_friction.nodes.{name}" for name in LOOP)])
         self._processes: dict[str, BaseProcess] = {}
         self._seed = seed
+        self._folder = Path(tempfile.mkdtemp(prefix="tcs-friction-faults-"))
+        self._died = False
 
     def start(self, name: str) -> None:
         """A node in a new process."""
         self._seed += 1
-        process = self._context.Process(target=run_node, args=(name, self._seed), daemon=True)
+        self._words(name).unlink(missing_ok=True)
+        process = self._context.Process(target=run_node, args=(name, self._seed, self._words(name)), daemon=True)
         process.start()
         self._processes[name] = process
 
+    def _words(self, name: str) -> Path:
+        return self._folder / f"{name}.txt"
+
     def signal(self, name: str, number: int) -> None:
-        """Send a signal to a node's process. Raises JobError when that has ended by itself."""
+        """Send a signal to a node's process, if it lives."""
         process = self._processes[name]
-        if process.pid is None or process.exitcode is not None:
-            raise JobError(f"node {name}", f"ended by itself with status {process.exitcode}", "it to run")
-        os.kill(process.pid, number)
+        if process.pid is not None and process.exitcode is None:
+            os.kill(process.pid, number)
 
     def kill(self, name: str) -> None:
         """The hard way."""
         self._processes[name].kill()
         self._processes[name].join()
 
+    def revive(self) -> list[str]:
+        """Start what has ended by itself, and say of each how it ended and in which file its last words are."""
+        found = []
+        for name, process in self._processes.items():
+            if process.exitcode is not None:
+                kept = self._words(name).replace(self._folder / f"{name}_{self._seed}.txt")
+                found.append(f"node {name} {ending(process.exitcode)} by itself; its last words are in {kept}")
+                self.start(name)
+                self._died = True
+        return found
+
     def end(self) -> None:
-        """Kill what is left, stopped processes included."""
+        """Kill what is left, stopped processes included; only last words are kept."""
         for process in self._processes.values():
             process.kill()
             process.join()
+        if not self._died:
+            shutil.rmtree(self._folder)
 
 
-def run_node(name: str, seed: int) -> None:
-    """In a process of its own: one node with faulty publishers."""
+def run_node(name: str, seed: int, words: Path) -> None:
+    """In a process of its own: one node with faulty publishers; `words` is the file that it complains in."""
     from tcs_friction.nodes.executor import run
     from tcs_friction.nodes.graph import factory
 
@@ -98,7 +123,9 @@ def run_node(name: str, seed: int) -> None:
             node._publisher = Faulty(node._publisher, random.Random(seed))
         return node
 
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the middleware complains there of every message that it cannot read
+    faulthandler.enable()
+    # the middleware complains there of every message that it cannot read
+    os.dup2(os.open(words, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600), 2)
     sys.exit(run(make, args=ros_arguments()))
 
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
+from benchmarks.children import deaf
 from tcs_friction.commands.parser import positive
 
 LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
@@ -57,7 +58,8 @@ def _rate(kind: str, together: bool, ticks: int) -> float:
     groups: list[Sequence[str]] = [LOOP] if together else [("plant",), *((name,) for name in LOOP[1:])]
     processes = [context.Process(target=_measure, args=(kind, group, ticks, send), daemon=True) for group in groups]
     for process in reversed(processes):  # the plant last, when the others are on their way
-        process.start()
+        with deaf():
+            process.start()
     try:
         if not receive.poll(120.0):
             raise TimeoutError(f"the {kind} graph did not finish {ticks} ticks in 120 s")

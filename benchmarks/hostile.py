@@ -1,7 +1,7 @@
-"""Files drawn to hurt: bags and tables that are damaged, or made to claim, unpack to or ask for much more than they are.
+"""Files drawn to hurt: bags, tables, axis and reference files.
 
-Every reading has to end with a recording or one line; none may take more than 10 s of processor time or 1 GB. What fails is
-kept and named.
+They are damaged, or made to claim, unpack to or ask for much more than they are. Every reading has to end with a recording, an
+axis or one line; none may take more than 10 s of processor time or 1 GB. What fails is kept and named.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from benchmarks import hostile_bags, hostile_tables
+from benchmarks import hostile_bags, hostile_tables, hostile_yaml
+from benchmarks.children import deaf, ended_with_this
+from tcs_friction.config import load_axis
+from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import JobError, TcsError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info
@@ -32,7 +35,11 @@ HANGS = 300.0  # s of wall time without an answer, on a machine that may be busy
 SIGNALS = SignalMap(
     SignalSource(hostile_bags.TOPIC, "position", "azimuth"), SignalSource(hostile_bags.TOPIC, "effort", "azimuth")
 )
-KINDS: dict[str, dict[hostile_bags.Maker, tuple[int, int]]] = {**hostile_bags.CASES, "tables": hostile_tables.CASES}
+KINDS: dict[str, dict[hostile_bags.Maker, tuple[int, int]]] = {
+    **hostile_bags.CASES,
+    "tables": hostile_tables.CASES,
+    "axis files": hostile_yaml.CASES,
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,16 +66,28 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def tried(kind: str, count: int, seed: int) -> tuple[float, int, list[str]]:
-    """Read `count` files of a kind in a process of their own: most seconds, most bytes, what failed."""
+    """Read `count` files of a kind in a process of their own: most seconds, most bytes, what failed and is kept."""
     folder = Path(tempfile.mkdtemp(prefix="hostile-"))
+    failed: list[str] = []
+    try:
+        seconds, memory, failed = _read(kind, count, seed, folder)
+    finally:
+        if not failed:
+            shutil.rmtree(folder)
+    return seconds, memory, failed
+
+
+def _read(kind: str, count: int, seed: int, folder: Path) -> tuple[float, int, list[str]]:
     context = multiprocessing.get_context("spawn")
-    seconds, memory, failed, number = 0.0, 0, [], 0
+    seconds, memory, number = 0.0, 0, 0
+    failed: list[str] = []
     while number < count:
         mine, theirs = context.Pipe()
         worker = context.Process(target=_work, args=(theirs, kind, number, count, seed, folder), daemon=True)
-        worker.start()
+        with deaf():
+            worker.start()
         theirs.close()
-        with suppress(EOFError):
+        with suppress(EOFError), ended_with_this():
             while number < count and mine.poll(HANGS):
                 took, grew, problem = mine.recv()
                 seconds, memory = max(seconds, took), max(memory, grew)
@@ -79,8 +98,6 @@ def tried(kind: str, count: int, seed: int) -> tuple[float, int, list[str]]:
         if number < count:
             failed.append(f"{kind} {number}: no answer (kept in {folder})")
             number += 1
-    if not failed:
-        shutil.rmtree(folder)
     return seconds, memory, failed
 
 
@@ -111,6 +128,8 @@ def reading(kind: str, path: Path) -> list[Callable[[], object]]:
     """What commands do with such a file."""
     if kind == "tables":
         return [lambda: import_table(path, "axis", {})]
+    if kind == "axis files":
+        return [lambda: load_axis(path), lambda: load_reference(path)]
     return [lambda: bag_info(path), lambda: read_recordings([path], SIGNALS)]
 
 

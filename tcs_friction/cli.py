@@ -11,6 +11,7 @@ from typing import Any, TextIO, cast
 
 from tcs_friction.commands.parser import parser_of
 from tcs_friction.errors import InputError, JobError, TcsError, nearest, refusal
+from tcs_friction.interrupts import interruptible
 
 COMMANDS = {
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
@@ -49,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     one_thread_each()
     try:
-        with contextlib.redirect_stdout(cast(TextIO, _Output(sys.stdout))):
+        with interruptible(last=arguments is None), contextlib.redirect_stdout(cast(TextIO, _Output(sys.stdout))):
             try:
                 return _command(words)
             finally:

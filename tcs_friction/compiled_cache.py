@@ -5,12 +5,14 @@ the slot numbers they import, so a change in one file would leave stale code in 
 therefore kept under a name made from the contents of every file with kernels in it.
 
 A cache can do no harm: what cannot be read from it is compiled and written anew, and where nothing can be written the
-process says so once and goes on.
+process says so once and goes on. The same holds for other things that a home directory has room for and that may be lost:
+matplotlib's list of fonts, logs of ROS.
 """
 
 from __future__ import annotations
 
 import atexit
+import functools
 import hashlib
 import importlib.util
 import os
@@ -18,6 +20,7 @@ import shutil
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +29,7 @@ from typing import Any
 _VARIABLE = "NUMBA_CACHE_DIR"
 _KEPT_FOR = 30 * 86400.0  # s, how long the caches of other versions stay
 _FILES = "numba.core.caching"
+_COMPILED = ("compiled code", "so that each start takes longer")
 
 
 def fingerprint(package: Path) -> str:
@@ -55,20 +59,48 @@ def choose_cache() -> None:
         return  # a parent process has chosen
     user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = (Path(given) if given else Path(user) / "tcs_friction") / name
+    new = not folder.is_dir()
     try:
-        if not folder.is_dir():
-            folder.mkdir(parents=True)
-            _forget_old(folder)
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError as error:
-        _say_once(folder, error)
-        try:
-            folder = _for_this_process() / name
-        except OSError:  # nothing can be written anywhere: numba may look
-            return
+        if kept(folder, *_COMPILED) != folder:
+            folder = kept(_temporary() / name, *_COMPILED)
+    except OSError:  # nothing can be written anywhere: numba may look
+        return
+    if new:
+        _forget_old(folder)
     os.environ[_VARIABLE] = str(folder)
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
+
+
+def choose_pictures_cache() -> None:
+    """Where matplotlib could keep nothing it would say so at length: it gets a temporary directory."""
+    if "MPLCONFIGDIR" in os.environ:
+        return
+    homes = {"XDG_CONFIG_HOME": "~/.config", "XDG_CACHE_HOME": "~/.cache"}
+    folders = [Path(os.environ.get(name) or os.path.expanduser(usual)) for name, usual in homes.items()]
+    with suppress(OSError):
+        chosen = {kept(folder, "fonts for pictures", "so that each start takes longer") for folder in folders}
+        if not chosen <= set(folders):
+            os.environ["MPLCONFIGDIR"] = str(_temporary())
+
+
+def kept(folder: Path, what: str, consequence: str) -> Path:
+    """The directory, made if need be; where nothing can be written there, one that goes with this process, and a line on stderr.
+
+    Several lines in one process would say the same: there is one. Raises OSError where nothing can be written anywhere.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        _say_once(folder, what, consequence, error)
+        return _temporary()
+    return folder
+
+
+def lasts() -> bool:
+    """Whether what is compiled now will be there at the next start, as far as is known."""
+    return not _said
 
 
 def _forget_old(current: Path) -> None:
@@ -78,7 +110,8 @@ def _forget_old(current: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _for_this_process() -> Path:
+@functools.cache
+def _temporary() -> Path:
     """A temporary directory that goes with this process; those that it starts use it too. Nobody else can write to it."""
     folder, owner = Path(tempfile.mkdtemp(prefix="tcs_friction-")), os.getpid()
 
@@ -93,11 +126,10 @@ def _for_this_process() -> Path:
 _said: list[Path] = []
 
 
-def _say_once(folder: Path, error: OSError) -> None:
+def _say_once(folder: Path, what: str, consequence: str, error: OSError) -> None:
     if not _said:
         _said.append(folder)
-        why = error.strerror or error
-        text = f"compiled code cannot be kept in {folder} ({why}); going on without, so that each start takes longer"
+        text = f"{what} cannot be kept in {folder} ({error.strerror or error}); going on without, {consequence}"
         print(f"tcs-friction: {text}", file=sys.stderr)
 
 
@@ -144,6 +176,6 @@ def _forgive(caching: ModuleType) -> None:
         try:
             save(self, key, data)
         except OSError as error:
-            _say_once(Path(self._cache_path), error)
+            _say_once(Path(self._cache_path), *_COMPILED, error)
 
     files._load_index, files.load, files.save, files.forgiving = forgiving_index, forgiving_load, forgiving_save, True

@@ -155,6 +155,31 @@ def test_a_cache_that_cannot_be_made_lies_elsewhere_for_one_run(tmp_path: Path) 
     assert not list(tmp_path.glob("tcs_friction-*")), "it goes with the process"
 
 
+HOMES = {"a home that is a file": "file", "a home that cannot be made": "/proc/home", "no home": None}
+
+
+@pytest.mark.parametrize("home", HOMES)
+def test_pictures_are_drawn_without_a_home_with_one_line(home: str, tmp_path: Path) -> None:
+    """Both the compiled code and matplotlib want to keep something there."""
+    program = "from tcs_friction.report import figures; figures.drawn('a', 'b')(lambda: figures.panels()[0])()"
+    words = without_home(home, tmp_path, program)
+    assert words.count("\n") == (1 if home != "no home" else words.count("cannot be kept")), words
+    assert not list(tmp_path.glob("*/tcs_friction-*")), "it goes with the process"
+
+
+def without_home(home: str, folder: Path, program: str) -> str:
+    """What a process says on stderr that has no home directory to write to."""
+    (folder / "file").touch()
+    (folder / "tmp").mkdir()
+    names = ("HOME", "NUMBA_CACHE_DIR", "MPLCONFIGDIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "ROS_LOG_DIR", "ROS_HOME")
+    variables = {name: value for name, value in os.environ.items() if name not in names} | {"TMPDIR": str(folder / "tmp")}
+    if HOMES[home] is not None:
+        variables["HOME"] = str(folder / str(HOMES[home]))
+    done = subprocess.run([sys.executable, "-c", program], env=variables, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
 def test_old_versions_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import numba
 

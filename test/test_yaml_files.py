@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 import tracemalloc
 from pathlib import Path
@@ -105,6 +106,14 @@ def test_time_grows_with_the_size_of_the_file_and_no_faster() -> None:
 
     seconds(100)
     assert seconds(4_000) < 40 * seconds(400)
+
+
+def test_there_is_no_other_way_to_read_yaml() -> None:
+    """Whatever reads YAML of its own does without the bounds of this one."""
+    package = Path(yaml_files.__file__).parent
+    readers = re.compile(r"yaml\.(\w*load\w*|parse|scan|compose\w*)\(|import \w*Loader|yaml\.\w*Loader")
+    files = [path for path in package.rglob("*.py") if readers.search(path.read_text())]
+    assert [path.name for path in files] == ["yaml_files.py"]
 
 
 def test_what_files_may_say_is_still_understood(tmp_path: Path) -> None:

@@ -2,7 +2,8 @@
 
 The bags hold joint states and the dynamometer's messages of a run with stretches at constant speed, best both ways; they
 are found automatically. Writes DIR/calibration.json, DIR/axis.yaml (the axis file with the calibrated observer), a picture
-and DIR/report.html.
+and DIR/report.html. Where observer and dynamometer agree to less than 90 % even so, or less than before, it is no calibration:
+that is said, with exit status 1, and nothing is written.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
-from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import AxisFile, default_control, load_axis, save_axis, write_whole
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.errors import writing_into
+from tcs_friction.identify.dob_acceptance import accepted
 from tcs_friction.identify.dob_calibration import DYNAMOMETER, Calibration, calibrate, comparisons_of
 from tcs_friction.physics.terms import unit_on
 from tcs_friction.recording.bags import read_recordings
@@ -43,14 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, calibrate, write, say what came out."""
-    never_over_an_input([arguments.output / name for name in WRITTEN], [*arguments.bags, arguments.axis])
+    results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
     kind, mapped = file.axis.kind, file.mapped(arguments.axis)
     signals = with_dynamometer(mapped, kind, arguments.dynamometer, arguments.field)
     recordings = read_recordings(arguments.bags, signals)
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
-    found = calibrate(comparisons, control.observer)
+    found = accepted(calibrate(comparisons, control.observer))
     text = json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n"
     calibrated = replace(file, control=replace(control, observer=found.observer))
     _write(arguments.output, text, calibrated)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
-from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Diagnosis
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.seed < 0:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
     inputs = [*arguments.bags, arguments.axis, arguments.against]
-    never_over_an_input([arguments.output / name for name in WRITTEN], inputs)
+    results_over_no_input(arguments.output, WRITTEN, inputs)
     progress = _progress if sys.stderr.isatty() else _silent
     file, remark = _believed(arguments)
     recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))

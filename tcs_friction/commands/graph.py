@@ -10,7 +10,7 @@ import argparse
 import sys
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.entry import announce_compiling, end_at_once, stay_local
+from tcs_friction.nodes.entry import announce_compiling, end_at_once, keep_logs, stay_local
 
 TAKES_ROS_ARGUMENTS = True
 
@@ -28,6 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the graph."""
     end_at_once()
     stay_local()
+    keep_logs()
     announce_compiling()
     try:
         from tcs_friction.nodes import graph

@@ -15,7 +15,7 @@ from typing import Any
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
-from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
 from tcs_friction.errors import InputError, JobError, nearest, writing_into
 from tcs_friction.identify.comparison import Comparison, compare_laws
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    never_over_an_input([arguments.output / name for name in WRITTEN], [*arguments.bags, arguments.axis])
+    results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
     signals = file.mapped(arguments.axis)
     options = IdentifyOptions(

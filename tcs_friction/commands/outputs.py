@@ -20,6 +20,11 @@ def never_over_an_input(outputs: Iterable[Path], inputs: Iterable[Path | None]) 
                 raise InputError(str(output), f"would be written over the input {path}", "another place for the results (-o)")
 
 
+def results_over_no_input(directory: Path, names: Iterable[str], inputs: Iterable[Path | None]) -> None:
+    """The same for a directory of results: files of these names, and pictures of whatever name."""
+    never_over_an_input([*(directory / name for name in names), *directory.glob("*.png")], inputs)
+
+
 def _files(given: Path) -> list[Path]:
     """A file, or the files of a bag."""
     try:

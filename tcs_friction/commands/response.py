@@ -13,7 +13,7 @@ import json
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
-from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import load_axis, write_whole
 from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.plant_response import (
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, estimate, fit, write, say what came out."""
-    never_over_an_input([arguments.output / name for name in WRITTEN], [*arguments.bags, arguments.axis])
+    results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
     recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
     lowest, highest = frequencies(recordings, arguments.lowest, arguments.highest)

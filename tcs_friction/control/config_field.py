@@ -69,16 +69,16 @@ def setting(default: float, unit: str, lower: float, upper: float, description: 
     return field(default=default, metadata={_KEY: (unit, lower, upper, description, ())})
 
 
-def switch(default: bool, description: str) -> Any:
+def switch(default: bool, description: str, fixed: bool = False) -> Any:
     """A setting that is true or false."""
-    return field(default=default, metadata={_KEY: ("", None, None, description, ())})
+    return field(default=default, metadata={_KEY: ("", None, None, description, (), fixed)})
 
 
-def choice(default: str, options: Sequence[str], description: str) -> Any:
+def choice(default: str, options: Sequence[str], description: str, fixed: bool = False) -> Any:
     """A setting that is one of the named options."""
     if default not in options:
         raise ValueError(f"default {default!r} of a setting is not one of {', '.join(options)}")
-    return field(default=default, metadata={_KEY: ("", None, None, description, tuple(options))})
+    return field(default=default, metadata={_KEY: ("", None, None, description, tuple(options), fixed)})
 
 
 def text(default: str, description: str, fixed: bool = False) -> Any:

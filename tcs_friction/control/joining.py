@@ -7,11 +7,14 @@
 
 When the axis is elsewhere than the reference, or has not been heard for a while, the reference begins again where the axis
 is, slows down to rest from the speed it has, and stays. The ways are those of Ruckig (Berscheid and Kroeger 2021,
-arXiv:2105.04830), time-optimal and exact.
+arXiv:2105.04830), time-optimal and exact. With limits of very different size it runs out of digits and finds none; a reference
+that has to slow down does so at a constant deceleration then.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -41,7 +44,7 @@ class JoinedReference:
     def __init__(self, limits: MotionLimits) -> None:
         self.limits = limits
         self.phase = Phase.REST
-        self._way: ruckig.Trajectory | None = None
+        self._way: ruckig.Trajectory | _Braking | None = None
         self._since = 0.0  # of the way, or of the programme
         self._programme: Reference | None = None
         self._last = (0.0, 0.0, 0.0)
@@ -99,7 +102,10 @@ class JoinedReference:
         self._way = None
 
     def _stop_at(self, t: float) -> None:
-        self._way = _way(self._last, self.limits)
+        try:
+            self._way = _way(self._last, self.limits)
+        except JobError:
+            self._way = _Braking(self._last[0], self._last[1], self.limits.acceleration_limit)
         self._since, self._programme, self.phase = t, None, Phase.STOPPING
 
 
@@ -134,13 +140,33 @@ def _way(start: Sample, limits: MotionLimits, end: Sample | None = None) -> ruck
     way = ruckig.Trajectory(1)
     try:
         result = ruckig.Ruckig(1).calculate(wanted, way)
-    except RuntimeError as error:
+    except (ruckig.RuckigError, RuntimeError) as error:
         raise JobError("reference", f"no way to the programme ({error})") from None
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise JobError("reference", f"no way from {start} to {end} within the limits ({result})", "lower demands or wider limits")
     return way
 
 
-def _sample(way: ruckig.Trajectory, t: float) -> Sample:
+@dataclass(frozen=True)
+class _Braking:
+    """From a position and speed to rest at a constant deceleration. There always is such a way."""
+
+    position: float
+    speed: float
+    deceleration: float
+
+    @property
+    def duration(self) -> float:
+        """s until rest."""
+        return abs(self.speed) / self.deceleration
+
+    def at_time(self, t: float) -> tuple[list[float], list[float], list[float]]:
+        """Position, speed and acceleration after t seconds, as a ruckig.Trajectory gives them."""
+        t = min(t, self.duration)
+        change = -math.copysign(self.deceleration, self.speed)
+        return [self.position + (self.speed + 0.5 * change * t) * t], [self.speed + change * t], [change]
+
+
+def _sample(way: ruckig.Trajectory | _Braking, t: float) -> Sample:
     position, velocity, acceleration = way.at_time(t)
     return position[0], velocity[0], acceleration[0]

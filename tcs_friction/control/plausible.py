@@ -56,9 +56,14 @@ class Ranges:
             return ""
         return f"torque {torque:g}, the largest is {self.largest_torque:g}"
 
+    def reference_limits(self, inertia: float) -> tuple[float, float, float]:
+        """The largest position, speed and acceleration of a reference to which `reference_objection` does not object."""
+        return self.largest_position, self.largest_speed, self.largest_torque / inertia
+
     def reference_objection(self, inertia: float, position: float, speed: float, acceleration: float) -> str:
         """Why a reference cannot be meant, "" when it can. The largest torque gives the largest acceleration."""
-        if -self.largest_torque <= inertia * acceleration <= self.largest_torque:
+        most = self.reference_limits(inertia)[2]
+        if -most <= acceleration <= most:
             return self.state_objection(position, speed)
         return f"acceleration {acceleration:g}"
 

@@ -71,15 +71,18 @@ class FollowRule:
 
     def judge(self, stamp: int, position: float = 0.0, now: float = 0.0) -> Step:
         """What the message is; `now` is steady time in s, of no meaning in lock-step."""
+        last = self.last
+        if self._lock_step and last < stamp < STAMP_END:  # the usual case first
+            self.last = stamp
+            return NEXT
         if not 0 <= stamp < STAMP_END:
             self.reason = f"stamp of {stamp / SECOND:g} s is no time"
             return REFUSED
-        last = self.last
         if stamp == last:
             return REPEATED
         if self._lock_step:
             self.last = stamp
-            return NEXT if stamp > last else NEW_RUN
+            return NEW_RUN
         return self._judge_in_real_time(_Heard(stamp, position, now))
 
     def _judge_in_real_time(self, heard: _Heard) -> Step:

@@ -67,6 +67,10 @@ def _shared(pool: ThreadPoolExecutor, function: Callable[[In], Out], items: list
         finally:
             offered = [one for one in offered if not one.cancel()]
             wait(offered)
-    for one in offered:
-        one.result()
+    try:
+        for one in offered:
+            one.result()
+    except BaseException:  # an interrupt: nothing more is begun
+        left.clear()
+        raise
     return [results[index] for index in range(len(items))]

@@ -13,7 +13,9 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-from tcs_friction.recording.metadata import MAX_DIGITS, MetadataError, bounded_yaml
+from tcs_friction.errors import InputError
+from tcs_friction.recording.metadata import whole_number
+from tcs_friction.yaml_files import parse_yaml
 
 DEPTH = 1000
 """Messages that a recorder's subscription, or a player's publisher, keeps while the other side is busy."""
@@ -94,13 +96,13 @@ def publisher_profile(text: str) -> QoSProfile:
     the depth of a latched topic matter; of others it keeps as much as a slow subscriber may want again.
     """
     try:
-        read = bounded_yaml(text)
+        read = parse_yaml(text, "quality of service")
         entries = [entry for entry in read if isinstance(entry, Mapping)] if isinstance(read, list) else []
-    except MetadataError:
+    except InputError:
         entries = []
     reliability = [_policy(entry, "reliability") for entry in entries]
     durability = [_policy(entry, "durability") for entry in entries]
-    depths = [depth for entry in entries if 0 < (depth := _number(entry.get("depth"))) <= MOST_DEPTH]
+    depths = [depth for entry in entries if (depth := whole_number(entry.get("depth"), MOST_DEPTH))]
     best_effort = bool(reliability) and all(policy == ReliabilityPolicy.BEST_EFFORT for policy in reliability)
     latched = DurabilityPolicy.TRANSIENT_LOCAL in durability
     return QoSProfile(
@@ -111,15 +113,10 @@ def publisher_profile(text: str) -> QoSProfile:
     )
 
 
-def _number(value: Any) -> int:
-    """A scalar of YAML as a whole number, 0 if it is none."""
-    return int(value) if isinstance(value, str) and value.isdecimal() and len(value) <= MAX_DIGITS else 0
-
-
 def _policy(entry: Mapping[str, Any], key: str) -> Any:
     """A policy by number (metadata up to version 8) or name (from 9); None for what is neither."""
     value = entry.get(key)
     try:
-        return POLICIES[key](number) if (number := _number(value)) else POLICIES[key][str(value).upper()]
+        return POLICIES[key](value) if isinstance(value, int) else POLICIES[key][str(value).upper()]
     except (ValueError, KeyError):
         return None

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
-from tcs_friction.errors import InputError, TcsError, one_line, refusal
+from tcs_friction.errors import TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.driver import DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
@@ -39,6 +39,7 @@ class ClockConfig:
         LOCK_STEP,
         (LOCK_STEP, REAL_TIME),
         "lock_step: wait for every input of the same stamp; real_time: use the latest inputs",
+        fixed=True,
     )
     period: float = setting(1e-3, "s", 1e-5, 1.0, "control period")
     time_limit: float = setting(5.0, "s", 0.01, 3600.0, "report what is missing, or that nothing comes, after this steady time")
@@ -87,12 +88,10 @@ class AxisNode(Node, Generic[C]):
         self.config: C = parameters.declare(self, defaults(self.file))
         parameters.refuse_unknown(self)
         self.lock_step = self.config.clock == LOCK_STEP
-        """Which of the two clocks; it does not change while the node runs."""
         self.check(self.config, self.file)
         self.add_on_set_parameters_callback(self._accept)
         self.add_post_set_parameters_callback(self._apply)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._simulated_clock = bool(self.get_parameter("use_sim_time").value)
 
     def start(self) -> None:
         """To be called at the end of a subclass' constructor: configure it and begin to report."""
@@ -158,11 +157,7 @@ class AxisNode(Node, Generic[C]):
         """Whether a change may be made, with the reason when not. Files are read here, once; `_apply` uses what was read."""
         try:
             file = self._file_after(changes)
-            base = self.config if file is self.file else self._defaults(file)
-            wanted = parameters.with_parameters(base, changes, self.get_name())
-            if wanted.clock != self.config.clock:
-                raise InputError(self.get_name(), "clock cannot change while the node runs", "a node that is started anew")
-            self.check(wanted, file)
+            self.check(self._wanted(file, changes), file)
         except TcsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except OSError as error:
@@ -172,6 +167,11 @@ class AxisNode(Node, Generic[C]):
         self._accepted = file
         return SetParametersResult(successful=True)
 
+    def _wanted(self, file: AxisFile, changes: Sequence[Parameter]) -> C:
+        """The configuration after a change; another axis brings its own values for all that is neither fixed nor named."""
+        base = self.config if file is self.file else parameters.keep_fixed(self._defaults(file), self.config)
+        return parameters.with_parameters(base, changes, self.get_name())
+
     def _file_after(self, changes: Sequence[Parameter]) -> AxisFile:
         for item in changes:
             if item.name == "axis":
@@ -179,19 +179,20 @@ class AxisNode(Node, Generic[C]):
         return self.file
 
     changing: frozenset[str] = frozenset()
-    """Names of the parameters that are being set, while `configure` applies them; empty at the start."""
+    """Names of the parameters that were asked to be set, while `configure` applies them; empty at the start."""
 
     def _apply(self, changes: Sequence[Parameter]) -> None:
-        file = self._accepted
-        if file is not self.file:  # another axis brings its own values for everything not named beside it
-            self.file = file
-            base = parameters.keep_fixed(self._defaults(file), self.config)
-            wanted = parameters.with_parameters(base, changes, self.get_name())
+        file, asked = self._accepted, frozenset(item.name for item in changes)
+        wanted = self._wanted(file, changes)
+        if file is not self.file:
+            self.file, self.changing = file, asked
             self.set_parameters_atomically(parameters.as_parameters(wanted))
+            self.changing = frozenset()
             return
-        self.changing = frozenset(item.name for item in changes)
+        self.changing = self.changing or asked
         self._log_switches(changes)
-        self.configure(parameters.with_parameters(self.config, changes, self.get_name()))
+        self.configure(wanted)
+        self.changing = frozenset()
 
     def _log_switches(self, changes: Sequence[Parameter]) -> None:
         for item in changes:
@@ -300,7 +301,7 @@ class AxisNode(Node, Generic[C]):
         if config.clock == REAL_TIME:
             limits = (config.period, config.age_limit, config.rate_limit, config.overrun_limit, config.time_limit)
             self.health.judge(now, Judgement(*limits))
-        if self._simulated_clock and not self.get_clock().now().nanoseconds:
+        if self.get_parameter("use_sim_time").value and not self.get_clock().now().nanoseconds:
             self.health.doubt("clock", "use_sim_time is set and there is no /clock: stamps of messages are not known")
         else:
             self.health.well("clock")

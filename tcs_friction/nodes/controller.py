@@ -83,7 +83,7 @@ class Controller(ManagedNode[ControllerConfig]):
         super().configure(config)
         self._pid.configure(config)
         self._lock_step = self.lock_step
-        self._inertia = self.file.axis.inertia
+        self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)
         self._ramp.duration = config.ramp_time
         for rule in self._answers.values():
@@ -135,9 +135,12 @@ class Controller(ManagedNode[ControllerConfig]):
 
     def _on_reference(self, data: bytes) -> None:
         stamp, numbers = REFERENCE.read(data)
-        objection = self.config.reference_objection(self._inertia, *numbers)
+        (position, speed, acceleration), (farthest, fastest, most) = numbers, self._limits
+        objection = ""
+        if not (-farthest <= position <= farthest and -fastest <= speed <= fastest and -most <= acceleration <= most):
+            objection = self.config.reference_objection(self.file.axis.inertia, *numbers)
         if not (objection or self._lock_step):
-            objection = self._out_of_reach(numbers[0])
+            objection = self._out_of_reach(position)
         if (objection or not self._lock_step) and not self._usable("reference", stamp, numbers, objection):
             return
         self._reference, self._reference_stamp = numbers, stamp

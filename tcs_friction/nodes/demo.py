@@ -17,7 +17,7 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction.errors import JobError
 from tcs_friction.nodes import graph
 from tcs_friction.nodes.commission import Commission
-from tcs_friction.nodes.entry import stay_local
+from tcs_friction.nodes.entry import keep_logs, stay_local
 from tcs_friction.nodes.executor import close, make_executor, spin
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.report.commission import CommissionResult
@@ -47,6 +47,7 @@ def commission(
     when a node dies or a step fails, KeyboardInterrupt when interrupted.
     """
     own_domain()
+    keep_logs()
     tell(0.0, "starting the graph (a minute the first time: kernels are compiled)")
     directory = directory.resolve()
     results = ["-p", f"results:={directory.parent}"]

@@ -79,6 +79,7 @@ class Dob(AxisNode[DobNodeConfig]):
     def configure(self, config: DobNodeConfig) -> None:
         super().configure(config)
         self._period_ns = round(config.period * SECOND)
+        self._limit = config.largest_torque
         self._state.configure(self.file.axis.name, config)
         self._answers.configure(config.age_limit)
         self._faded.configure(config.age_limit, config.ramp_time)
@@ -97,12 +98,13 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def _on_compensation(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
-        objection = self.config.torque_objection(numbers[0])
-        if not (objection or self.lock_step) and self._state.stamp >= 0:
-            objection = self._take_in_real_time(stamp, numbers)
-        if objection:
-            self.health.refuse(f"{COMPENSATION} refused: {objection}")
-        if objection or not self.lock_step:
+        plausible = -self._limit <= numbers[0] <= self._limit
+        if not (plausible and self.lock_step):
+            objection = "" if plausible else self.config.torque_objection(numbers[0])
+            if plausible and self._state.stamp >= 0:
+                objection = self._take_in_real_time(stamp, numbers)
+            if objection:
+                self.health.refuse(f"{COMPENSATION} refused: {objection}")
             return
         self._shares[stamp] = numbers[0]
         if len(self._shares) > 3:
@@ -128,9 +130,9 @@ class Dob(AxisNode[DobNodeConfig]):
             self._repeat()
             return
         stamp, torque = self._state.stamp, self._state.torque
-        if math.isnan(torque):  # a driver that gives none
+        if torque != torque:  # a driver that gives none
             torque = self._commanded.until(stamp)
-        if self.config.torque_objection(torque):
+        if not -self._limit <= torque <= self._limit:
             self.health.refuse(f"joint_states refused: {self.config.torque_objection(torque)}")
             return
         if step is NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
@@ -190,7 +192,7 @@ class Dob(AxisNode[DobNodeConfig]):
         if self.config.switch1:
             speed = self._state.speed
             estimate = self._observer.step(self._torque, speed, share)
-            if self.config.torque_objection(estimate):
+            if not -self._limit <= estimate <= self._limit:
                 estimate = self._reset_observer(estimate)
             self._message = ESTIMATE.write(stamp, estimate, speed, self._observer.rest, True)
         else:

@@ -11,7 +11,10 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+
+from tcs_friction.compiled_cache import kept, lasts
 
 DISCOVERY = (
     "ROS_AUTOMATIC_DISCOVERY_RANGE",
@@ -31,10 +34,18 @@ def stay_local() -> None:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
+def keep_logs() -> None:
+    """Where ROS writes logs: as ever where that can be written, and in a temporary directory where ROS would end the node."""
+    home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
+    folder = Path(os.environ.get("ROS_LOG_DIR") or Path(home, "log"))
+    with suppress(OSError):  # nothing can be written anywhere: ROS says so
+        os.environ["ROS_LOG_DIR"] = str(kept(folder, "logs of ROS", "so that they go with the process"))
+
+
 def announce_compiling() -> None:
     """Say that the start takes long where nothing is in the cache of compiled kernels yet."""
     cache = os.environ.get("NUMBA_CACHE_DIR")
-    if cache and not any(Path(cache).rglob("*.nbi")):
+    if cache and lasts() and not any(Path(cache).rglob("*.nbi")):
         print("tcs-friction: first start of this version: compiling takes up to a minute, once", file=sys.stderr, flush=True)
 
 
@@ -46,6 +57,7 @@ def end_at_once() -> None:
 def start(name: str, arguments: Sequence[str] | None = None) -> int:
     """Run one node until a signal; `arguments` as on a command line. Raises InputError for a name that is no node's."""
     end_at_once()
+    keep_logs()
     announce_compiling()
     from tcs_friction.nodes.graph import run_node
 

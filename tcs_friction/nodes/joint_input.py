@@ -23,6 +23,8 @@ class Settings(Protocol):
     @property
     def patience(self) -> float: ...
     @property
+    def largest_position(self) -> float: ...
+    @property
     def largest_speed(self) -> float: ...
     def state_objection(self, position: float, speed: float) -> str: ...
 
@@ -46,6 +48,7 @@ class JointInput:
         """Another joint or other limits; what was heard stays."""
         self._config = config
         self._objection = config.state_objection
+        self._farthest, self._fastest = config.largest_position, config.largest_speed
         self._rule.configure(config.age_limit, config.patience, config.largest_speed, config.period)
         if joint != self._wire.joint:
             self._wire = JointWire(joint)
@@ -55,10 +58,11 @@ class JointInput:
         stamp, position, speed, torque = self._wire.read(data)
         if speed != speed:
             speed = self._difference(stamp, position)
-        objection = self._objection(position, speed)
-        if objection:
+        farthest, fastest = self._farthest, self._fastest  # compared here, for a call takes longer than all of them
+        if not (-farthest <= position <= farthest and -fastest <= speed <= fastest):
             if position == position or self._wire.is_about(data):
-                self._health.refuse(f"{TOPIC} refused: {objection}" if stamp >= 0 else f"{TOPIC} refused: not readable")
+                objection = self._objection(position, speed) if stamp >= 0 else "not readable"
+                self._health.refuse(f"{TOPIC} refused: {objection}")
             return REFUSED
         step = self._judge(stamp) if self._lock_step else self._judge_in_real_time(stamp, position)
         if step is NEXT or step is NEW_RUN:

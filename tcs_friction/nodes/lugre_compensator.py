@@ -60,7 +60,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             self._compensator = LugreCompensator(config, config.period)
         super().configure(config)
         self._compensator.configure(config)
-        self._inertia = self.file.axis.inertia
+        self._limits = config.reference_limits(self.file.axis.inertia)
         self._ramp.duration = config.ramp_time
         self._rule.configure(config.age_limit, config.patience, period=config.period)
 
@@ -75,9 +75,9 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
 
     def _on_reference(self, data: bytes) -> None:
         stamp, numbers = REFERENCE.read(data)
-        objection = self.config.reference_objection(self._inertia, *numbers)
-        if objection:
-            self.health.refuse(f"reference refused: {objection}")
+        (position, speed, acceleration), (farthest, fastest, most) = numbers, self._limits
+        if not (-farthest <= position <= farthest and -fastest <= speed <= fastest and -most <= acceleration <= most):
+            self.health.refuse(f"reference refused: {self.config.reference_objection(self.file.axis.inertia, *numbers)}")
             return
         step = self._rule.judge(stamp) if self.lock_step else self._judge_in_real_time(stamp)
         if step is REFUSED:
@@ -87,7 +87,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
                 self.health.repeats += 1
                 self._publisher.publish(self._message)
             return
-        self._message = TORQUE.write(stamp, self._torque(stamp, step, numbers[1], numbers[2]))
+        self._message = TORQUE.write(stamp, self._torque(stamp, step, speed, acceleration))
         self._stamp = stamp
         self.health.ticks += 1
         self._publisher.publish(self._message)
@@ -112,12 +112,12 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         if not share:
             return 0.0
         torque = share * self._compensator.step(velocity, acceleration)
-        objection = self.config.torque_objection(torque)
-        if objection:
-            self._compensator.reset()
-            self.health.note(f"compensation reset: {objection}")
-            return 0.0
-        return torque
+        limit = self.config.largest_torque
+        if -limit <= torque <= limit:
+            return torque
+        self._compensator.reset()
+        self.health.note(f"compensation reset: {self.config.torque_objection(torque)}")
+        return 0.0
 
     def _on_parameters(self, data: bytes) -> None:
         """Identified parameters become this node's parameters, all of them or none."""

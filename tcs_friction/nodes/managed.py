@@ -24,7 +24,7 @@ from tcs_friction.nodes.base import AxisNode, ClockConfig
 class ManagedConfig(ClockConfig):
     """How a managed node starts, and how its torque comes and goes."""
 
-    auto_activate: bool = switch(True, "configure and activate at the start; else a life-cycle manager does")
+    auto_activate: bool = switch(True, "configure and activate at the start; else a life-cycle manager does", fixed=True)
     ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: torque and compensation come and go over this time")
 
 

@@ -29,7 +29,9 @@ class ReferenceConfig(MotionLimits, Ranges, ClockConfig):
     """Which reference, and how it may move the axis; `reference_file` wins over `kind` while it is set."""
 
     reference_file: str = text("", "reference file, a path or a name in the package's config folder; empty for `kind`")
-    begin_at_once: bool = switch(False, "real time: begin when the axis is heard; else by ~/start or by setting the reference")
+    begin_at_once: bool = switch(
+        False, "real time: begin when the axis is heard; else by ~/start or by setting the reference", fixed=True
+    )
     kind: str = choice("sinusoid", tuple(core.KINDS), "which of the references below")
     hold: core.Hold = field(default_factory=core.Hold)
     constant_speed: core.ConstantSpeed = field(default_factory=core.ConstantSpeed)
@@ -65,7 +67,7 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
     """In lock-step the reference's time is that of the stamps.
 
     In real time the reference rests where the axis is. A programme begins on the service ~/start, and when a parameter that
-    says which reference is set; ~/stop brings it to rest.
+    says which reference is set, but not with another axis file; ~/stop brings it to rest.
     """
 
     def __init__(self) -> None:
@@ -93,7 +95,8 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         self._state.configure(self.file.axis.name, config)
         self._period_ns = config.period * SECOND
         self._joined.limits = config
-        if not self.lock_step and (programme_of(config) != programme_of(before) or "reference_file" in self.changing):
+        other = programme_of(config) != programme_of(before) and "axis" not in self.changing
+        if not self.lock_step and (other or "reference_file" in self.changing):
             self._begin()
 
     # Real time: begin and stop

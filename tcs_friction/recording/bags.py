@@ -18,7 +18,7 @@ from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.metadata import MetadataError, listed_files
+from tcs_friction.recording.metadata import listed_files
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
@@ -148,17 +148,16 @@ class Bag:
         """The files of a directory: those its metadata names, else all that look like storage."""
         present = sorted((p for p in self.path.iterdir() if _is_storage(p)), key=_natural)
         metadata = self.path / "metadata.yaml"
+        if not metadata.exists():
+            if not present:
+                raise InputError(str(self.path), "is a directory without metadata.yaml, .mcap, .db3 or .bag files", "a bag")
+            self._file_notes.append(f"metadata.yaml is missing; {len(present)} storage files found by name")
+            return present
         try:
             names, self.stated = listed_files(metadata)
             named = [path for name in names if (path := self.path / name).name == name]
-        except FileNotFoundError:
-            if not present:
-                found = "is a directory without metadata.yaml, .mcap, .db3 or .bag files"
-                raise InputError(str(self.path), found, "a bag") from None
-            self._file_notes.append(f"metadata.yaml is missing; {len(present)} storage files found by name")
-            return present
-        except MetadataError as error:
-            self._file_notes.append(f"metadata.yaml is broken ({error}); {len(present)} storage files found by name")
+        except InputError as error:
+            self._file_notes.append(f"metadata.yaml is broken ({error.found}); {len(present)} storage files found by name")
             named = present
         files = [path for path in named if path.is_file()]
         if missing := [path.name for path in named if path not in files]:

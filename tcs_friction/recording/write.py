@@ -22,6 +22,7 @@ from tcs_friction.recording.mcap_write import CHUNK_BYTES, McapWriter
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.writable import writing
+from tcs_friction.yaml_files import parse_yaml
 
 EPOCH = 1_700_000_000_000_000_000
 """ns; when recordings without a date of their own are written to begin, so that equal input gives equal bags."""
@@ -146,7 +147,7 @@ def _topic_metadata(channel: Channel) -> dict[str, Any]:
         "name": channel.topic,
         "type": channel.msgtype,
         "serialization_format": "cdr",
-        "offered_qos_profiles": yaml.safe_load(channel.qos) if channel.qos else [],
+        "offered_qos_profiles": parse_yaml(channel.qos, channel.topic) if channel.qos else [],
         "type_description_hash": type_hash(channel),
     }
 

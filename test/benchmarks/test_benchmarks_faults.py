@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 import os
 import random
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
-from benchmarks.faulty_nodes import garbled
+import pytest
+
+from benchmarks.faulty_nodes import Loop, garbled
+from benchmarks.listening import wait_until
 from tcs_friction.nodes.wire import JointWire
 
 
@@ -22,6 +27,28 @@ def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
     for name in ("largest true speed, beside its limit", "largest torque, beside its limit"):
         assert 0.0 < results[name]["value"] <= results[name]["beside"]
     assert results["inputs refused"]["value"] > 0
+
+
+def test_a_node_that_ends_by_itself_is_named_with_its_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    loop = Loop(0)
+    try:
+        loop.start("dob")
+        assert wait_until(lambda: loop._words("dob").exists(), 100.0)
+        assert loop.revive() == []
+        loop.signal("dob", signal.SIGSEGV)
+        assert wait_until(lambda: loop._processes["dob"].exitcode is not None)
+        (said,) = loop.revive()
+        assert said.startswith("node dob was killed by SIGSEGV by itself; its last words are in ")
+        words = Path(said.rpartition(" ")[2])
+        assert "Segmentation fault" in words.read_text()
+        assert wait_until(loop._words("dob").exists, 100.0), "it was started anew"
+    finally:
+        loop.end()
+    assert words.exists()
+    for path in (*words.parent.iterdir(), words.parent):
+        path.unlink() if path.is_file() else path.rmdir()
 
 
 def test_garbled_messages_differ_and_never_grow() -> None:

@@ -104,6 +104,14 @@ def test_node_command_names_missing_compiler(checkout: Path) -> None:
     assert result.stderr == message
 
 
+def test_an_interrupt_waits_for_the_command_to_hear_it(checkout: Path) -> None:
+    """Python itself would answer it with a traceback while it starts."""
+    make_environment(checkout)
+    probe = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))\n"
+    (checkout / "tcs_friction/cli.py").write_text(probe)
+    assert run(checkout, "identify").stdout == "True\n"
+
+
 def test_missing_cxx_compiler_is_told_from_missing_c_compiler(checkout: Path) -> None:
     (checkout / "tools").mkdir()
     (checkout / "tools/cc").symlink_to("/bin/true")
@@ -213,26 +221,32 @@ def test_applying_the_environment_twice_changes_nothing_more(checkout: Path) -> 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
-def test_whatever_ends_the_set_up_ends_its_child_and_leaves_no_record(number: signal.Signals, checkout: Path) -> None:
+def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number: signal.Signals, checkout: Path) -> None:
+    """Also those that a build tool has started, each in a process group of its own as ninja does."""
     slow = checkout / "slow.py"
     pid_file = checkout / "pid"
+    program = "import os, subprocess as s; p = s.Popen(['sleep', '60'], process_group=0)\n"
+    program += f"open({str(pid_file)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}}\\n'); p.wait()"
+    command = [sys.executable, "-c", program]
     slow.write_text(
         "import os, runpy, signal\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a background job ignores it, a terminal's does not
         f"tcs = runpy.run_path({str(checkout / 'tcs')!r})\n"
         "tcs['end_on_signals']()\n"
-        f"tcs['run_stage'](1, 'slow', ['sh', '-c', 'echo $$ > {pid_file}; sleep 60'], dict(os.environ))\n"
+        f"tcs['run_stage'](1, 'slow', {command!r}, dict(os.environ))\n"
     )
     child = subprocess.Popen([sys.executable, str(slow)], stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 20.0
-    while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < deadline:
+    while not (pid_file.exists() and pid_file.read_text().endswith("\n")) and time.monotonic() < deadline:
         time.sleep(0.01)
     child.send_signal(number)
     orderly = number in (signal.SIGTERM, signal.SIGHUP)
     assert child.wait(timeout=20) == (128 + number if orderly else -number)
-    while time.monotonic() < deadline and alive(int(pid_file.read_text())):
+    left = [int(word) for word in pid_file.read_text().split()]
+    assert len(left) == 2
+    while time.monotonic() < deadline and any(map(alive, left)):
         time.sleep(0.01)
-    assert not alive(int(pid_file.read_text()))
+    assert not any(map(alive, left))
     assert not (checkout / ".tcs/environment.json").exists()
 
 
@@ -327,6 +341,44 @@ def test_every_package_that_is_wanted_is_pinned_with_hashes() -> None:
         assert all(locked.values()), "no package without a hash"
         wanted = [line.partition("[")[0] for line in (folder / name).read_text().splitlines() if not line.startswith("#")]
         assert {normal(word) for word in wanted} <= {normal(pin.partition("==")[0]) for pin in locked}
+
+
+ENTRY = """
+id: PYSEC-2026-1
+details: Thing runs
+  what it is told.
+affected:
+- package: {name: thing, ecosystem: PyPI}
+  ranges:
+  - type: ECOSYSTEM
+    events: [{introduced: "0"}, {fixed: 1.5.0}, {introduced: 2.0.0}, {last_affected: 2.1.0}]
+  versions: [1.9.post1]
+modified: "2026-11-02T10:00:00Z"
+"""
+
+
+@pytest.mark.parametrize(
+    ("version", "weak"), [("1.4", 1), ("1.5.0", 0), ("1.9.post1", 1), ("2.0", 1), ("2.1.0", 1), ("2.1.1", 0)]
+)
+def test_known_weaknesses_are_found_without_a_network(version: str, weak: int, tmp_path: Path) -> None:
+    (tmp_path / "vulns/thing").mkdir(parents=True)
+    (tmp_path / "vulns/thing/PYSEC-2026-1.yaml").write_text(ENTRY)
+    (tmp_path / "vulns/thing/PYSEC-2026-2.yaml").write_text(ENTRY + "withdrawn: '2026-11-03T10:00:00Z'\n")
+    (tmp_path / "locked.txt").write_text(f"Thing=={version} \\\n    --hash=sha256:0\nother==1.0\n")
+    command = [sys.executable, str(ROOT / ".ci/audit_offline.py"), str(tmp_path), str(tmp_path / "locked.txt")]
+    done = subprocess.run(command, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
+    line = f"thing {version}: PYSEC-2026-1 Thing runs what it is told.\n" * weak
+    assert done.stdout == f"{line}2 packages, {weak} weaknesses known on 2026-11-02\n", done.stderr
+    assert done.returncode == weak
+
+
+def test_licences_of_ros_packages_are_those_they_state(tmp_path: Path) -> None:
+    (tmp_path / "share/thing").mkdir(parents=True)
+    stated = "<license>Apache\n License 2.0</license><license>MIT</license>"
+    (tmp_path / "share/thing/package.xml").write_text(f"<package><name>thing</name><version>1.2.3</version>{stated}</package>")
+    command = [sys.executable, str(ROOT / ".ci/ros_licences.py"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ['"Name","Version","License"', '"thing","1.2.3","Apache License 2.0; MIT"']
 
 
 def test_pip_takes_nothing_without_its_hash(checkout: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tcs_friction.config import default_control, load_axis
-from tcs_friction.control.joining import JoinedReference, Phase, check_programme
+from tcs_friction.control.joining import JoinedReference, Phase, _way, check_programme
 from tcs_friction.control.plausible import (
     MotionLimits,
     Ranges,
@@ -19,7 +19,7 @@ from tcs_friction.control.plausible import (
     ranges,
 )
 from tcs_friction.control.reference import ConstantSpeed, Legs, Reference, Sinusoid, Steps
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, JobError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 LIMITS = MotionLimits(speed_limit=0.08, acceleration_limit=0.2, jerk_limit=2.0, following_limit=4e-3)
@@ -86,6 +86,36 @@ def test_it_stops_within_the_limits() -> None:
     expect_smooth(samples[len(running) :], LIMITS.jerk_limit)
     assert joined.phase is Phase.REST
     assert samples[-1, 1] == 0.0
+
+
+@given(
+    speed=st.floats(-10.0, 10.0),
+    acceleration=st.floats(1e-9, 1e12),
+    jerk=st.floats(1e-9, 1e15),
+    position=st.floats(-1e9, 1e9),
+)
+def test_it_always_comes_to_rest(speed: float, acceleration: float, jerk: float, position: float) -> None:
+    """Whatever the limits are: a node that could not slow down would end instead."""
+    joined = JoinedReference(MotionLimits(0.08, acceleration, jerk, 4e-3))
+    joined.begin_at(0.0, position, speed)
+    assert joined.at(0.0)[:2] == pytest.approx((position, speed), abs=1e-9)
+    joined.at(1e30)
+    assert joined.phase is Phase.REST
+    assert joined.at(1e30)[1:] == (0.0, 0.0)
+
+
+def test_it_slows_down_where_ruckig_finds_no_way() -> None:
+    limits = MotionLimits(0.08, 31078.270372493276, 483098851.268068, 4e-3)
+    position, speed = 1188.5004304787155, -2.766503634891139
+    with pytest.raises(JobError):
+        _way((position, speed, 0.0), limits)
+    joined = JoinedReference(limits)
+    joined.begin_at(0.0, position, speed)
+    seconds = -speed / limits.acceleration_limit
+    half = joined.at(0.5 * seconds)
+    assert half == pytest.approx((position + 0.375 * speed * seconds, 0.5 * speed, limits.acceleration_limit), rel=1e-9)
+    assert joined.at(seconds) == pytest.approx((position + 0.5 * speed * seconds, 0.0, 0.0), rel=1e-9)
+    assert joined.phase is Phase.REST
 
 
 @pytest.mark.parametrize(

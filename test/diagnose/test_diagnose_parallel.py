@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import threading
+import time
 
 import pytest
 
@@ -39,3 +41,25 @@ def test_an_error_in_a_map_is_the_caller_s(place: int) -> None:
     with pytest.raises(ZeroDivisionError):
         parallel.side_by_side(lambda x: 1 // (x - place), range(4))
     assert parallel.side_by_side(lambda x: x, range(3)) == [0, 1, 2]
+
+
+def test_after_an_interrupt_nothing_more_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
+    begun: list[int] = []
+
+    def slow(item: int) -> None:
+        begun.append(item)
+        time.sleep(0.05)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    main = threading.main_thread().ident
+    assert main is not None
+    timer = threading.Timer(0.3, signal.pthread_kill, (main, signal.SIGINT))
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            parallel.side_by_side(slow, range(1000))
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, before)
+    assert len(begun) < 500

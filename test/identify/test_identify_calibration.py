@@ -15,7 +15,8 @@ from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.observer import FrictionObserver
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.reference import ConstantSpeed, Legs, Reference, load_reference
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, JobError
+from tcs_friction.identify.dob_acceptance import accepted
 from tcs_friction.identify.dob_calibration import (
     Calibration,
     Comparison,
@@ -228,6 +229,41 @@ def test_command_names_what_is_missing(bag: Path, tmp_path: Path, capsys: pytest
         error = capsys.readouterr().err
         assert error.count("\n") == 1
         assert message in error
+
+
+def test_a_calibration_that_is_none_is_refused_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A dynamometer that shows something else than the friction."""
+    run = moved(Reference(Legs(speed=1.745e-3, leg=4.0, acceleration=5e-3, duration=12.0)))
+    times = EPOCH + np.rint(run.t * 1e9).astype(np.int64)
+    joint = {"position": run.position, "velocity": run.velocity, "effort": run.torque}
+    wrench = {"wrench.torque.z": run.friction + 40.0 * np.sin(2.3 * run.t)}
+    topics = [
+        joint_states("/azimuth/joint_states", times, {"azimuth": joint}),
+        encoded("/azimuth/reference", "tcs_friction_msgs/msg/AxisReference", times, {"position": run.reference}),
+        encoded("/azimuth/dynamometer", "geometry_msgs/msg/WrenchStamped", times, wrench),
+    ]
+    write_bag(tmp_path / "bag", topics)
+    words = [str(tmp_path / "bag"), "--axis", str(shipped("azimuth_1p2m.yaml")), "-o", str(tmp_path / "out")]
+    assert main(["calibrate", *words]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert line.startswith("tcs-friction: calibration: observer and dynamometer agree to ")
+    assert line.endswith("at best, expected at least 90 %")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_worse_agreement_is_refused_and_one_that_is_the_same_is_not(legs: LoopRun) -> None:
+    found = calibrate([beside(legs)], CONTROL.observer)
+    assert accepted(found) is found
+    again = calibrate([beside(legs)], found.observer)
+    assert accepted(again) is again, "a calibrated observer may be calibrated again"
+    error = 0.05 * np.sqrt(np.mean(found.measured**2))
+    worse = replace(found, after=found.measured + error, accuracy=0.95, before=found.measured, accuracy_before=1.0)
+    with pytest.raises(JobError, match=r"95\.00 % over everything, worse than the 100\.00 % over everything before"):
+        accepted(worse)
 
 
 def test_mapping_is_whole(legs: LoopRun) -> None:

@@ -14,20 +14,14 @@ from typing import Any
 
 import pytest
 
+from benchmarks.listening import Listening, Report, wait_until
+
+__all__ = ["wait_until"]
+
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 DOMAINS = itertools.cycle(1 + (37 * os.getpid() + k) % 100 for k in range(100))  # far apart for processes of one run
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def wait_until(ready: Callable[[], bool], limit: float = 30.0) -> bool:
-    """Poll a condition; whether it came true within the limit (s)."""
-    deadline = time.monotonic() + limit
-    while time.monotonic() < deadline:
-        if ready():
-            return True
-        time.sleep(0.05)
-    return ready()
 
 
 @pytest.fixture(autouse=True)
@@ -184,15 +178,10 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
     made.close()
 
 
-class Listener:
-    """Hears joint states and diagnostics of a graph elsewhere, in a thread."""
+class Listener(Listening):
+    """Hears joint states and diagnostics of a graph elsewhere."""
 
     def __init__(self) -> None:
-        import threading
-
-        import rclpy
-        from diagnostic_msgs.msg import DiagnosticArray
-        from rclpy.executors import SingleThreadedExecutor
         from sensor_msgs.msg import JointState
 
         from tcs_friction.nodes.qos import COLLECT
@@ -201,37 +190,17 @@ class Listener:
         self.states: list[tuple[float, ...]] = []
         self.health: dict[str, tuple[int, str]] = {}
         self._wire = JointWire("azimuth")
-        rclpy.init(args=["listener"])
-        self.node = rclpy.create_node("listener", namespace="azimuth")
+        super().__init__("listener")
         self.node.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while not self._stop.is_set():
-            self.executor.spin_once(timeout_sec=0.1)
+        self.hear_reports(self._on_report)
 
     def _on_state(self, data: bytes) -> None:
         state = self._wire.read(data)
         if not self.states or state[0] != self.states[-1][0]:
             self.states.append(state)
 
-    def _on_diagnostics(self, message: Any) -> None:
-        for status in message.status:
-            level = status.level[0] if isinstance(status.level, bytes) else status.level
-            self.health[status.name.rpartition("/")[2]] = (int(level), status.message)
-
-    def close(self) -> None:
-        import rclpy
-
-        self._stop.set()
-        self._thread.join()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
+    def _on_report(self, name: str, report: Report) -> None:
+        self.health[name] = (report.level, report.message)
 
 
 @pytest.fixture

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
 
@@ -40,3 +42,21 @@ def test_an_interrupt_in_a_destructor_while_loading_is_not_lost() -> None:
     ended = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=30, check=False)
     assert ended.returncode == -signal.SIGINT
     assert ended.stderr == ""
+
+
+@pytest.mark.parametrize("home", ["file", None])
+def test_a_node_without_a_home_starts_and_says_so_in_one_line(home: str | None, tmp_path: Path) -> None:
+    """ROS itself would end the node, since it finds no place for logs."""
+    (tmp_path / "file").touch()
+    names = ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "ROS_LOG_DIR", "ROS_HOME")
+    variables = {name: value for name, value in os.environ.items() if name not in names}
+    variables["NUMBA_DISABLE_JIT"] = "1"  # without a cache it would compile for a minute
+    if home is not None:
+        variables["HOME"] = str(tmp_path / home)
+    command = [sys.executable, "-P", "-m", "tcs_friction.cli", "node", "player"]
+    ended = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 2, ended.stderr
+    *others, last = ended.stderr.splitlines()
+    assert "bag" in last
+    assert len(others) == (1 if home else 0), ended.stderr
+    assert all("cannot be kept" in line for line in others)

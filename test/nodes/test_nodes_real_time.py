@@ -387,7 +387,34 @@ def test_the_clock_does_not_change_while_a_node_runs(together: Callable[..., Any
     node = together(nodes=["controller"])["controller"]
     answer = node.set_parameters([Parameter("clock", value="real_time")])[0]
     assert not answer.successful
-    assert "started anew" in answer.reason
+    assert "read-only" in answer.reason
+
+
+def test_another_axis_file_in_real_time_begins_nothing(together: Callable[..., Any]) -> None:
+    """It brings limits and a default programme of its own; a programme begins on command."""
+    graph = running(together(*REAL_TIME))
+    reference = graph["reference"]
+    answer = reference.set_parameters([Parameter("axis", value="azimuth_1p2m.yaml")])[0]
+    assert answer.successful, answer.reason
+    assert (reference.config.clock, reference.config.reference_file) == ("real_time", "")
+    assert reference._joined.phase is Phase.REST
+    assert reference.set_parameters([Parameter("sinusoid.amplitude", value=0.012)])[0].successful
+    assert reference._joined.phase is Phase.JOINING
+
+
+def test_a_reference_for_which_there_is_no_way_to_rest_does_not_end_its_node(together: Callable[..., Any]) -> None:
+    """Limits of very different size: the planner of ways runs out of digits."""
+    limits = ("-p", "acceleration_limit:=31078.270372493276", "-p", "jerk_limit:=483098851.268068")
+    wide = ("-p", "largest_speed:=10.0", "-p", "speed_limit:=5.0", "-p", "following_limit:=10.0")
+    reference = together(*REAL_TIME, *limits, *wide, nodes=["reference"])["reference"]
+    wire, speed = JointWire("azimuth"), -2.766503634891139
+    for k in range(80):
+        reference._on_state(wire.write(10**9 + k * 10**7, 1188.5004304787155 + speed * 1e-2 * k, speed, 0.0))
+        time.sleep(0.01)
+    assert reference._state.stamp > 0
+    reference._joined.begin_at(reference._seconds(), 1188.5004304787155, speed)
+    reference._on_state(wire.write(reference._state.stamp + 10**7, reference._state.position, speed, 0.0))
+    assert reference._joined.phase is Phase.REST
 
 
 def test_without_a_clock_a_node_answers_and_ends(processes: Any, listener: Any) -> None:
