@@ -17,7 +17,7 @@ from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
-from tcs_friction.diagnose.search.hypotheses import Kind
+from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law

@@ -18,8 +18,8 @@ from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
-from tcs_friction.diagnose.search.hypotheses import Kind, Start, kind_of
 from tcs_friction.diagnose.search.rivals import Contest
+from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect

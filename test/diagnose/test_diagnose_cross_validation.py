@@ -18,8 +18,9 @@ from tcs_friction.diagnose.search.cross_validation import (
     squares_left_out,
     with_best_confirmed,
 )
-from tcs_friction.diagnose.search.hypotheses import Start, starts
+from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
+from tcs_friction.diagnose.search.start import Start
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 

@@ -12,16 +12,10 @@ from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
-from tcs_friction.diagnose.search.hypotheses import (
-    Kind,
-    Start,
-    _leads,
-    all_starts,
-    pairs_of_starts,
-    pattern_search,
-    starts,
-)
+from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
+from tcs_friction.diagnose.search.start import Kind, Start
+from tcs_friction.diagnose.search.waves import _leads
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import instance
 

@@ -16,9 +16,10 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search.harmonics import with_offsets_joined
-from tcs_friction.diagnose.search.hypotheses import Start, starts
+from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.plausibility import Doubt, doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
+from tcs_friction.diagnose.search.start import Start
 from tcs_friction.physics.registry import effect, effects, law
 from tcs_friction.physics.terms import Instance, instance
 

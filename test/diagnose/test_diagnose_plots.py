@@ -15,8 +15,8 @@ from tcs_friction.diagnose.outcome.atlas import AtlasEntry
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.outcome.plots import CELLS, MOST_RUNNERS_UP, PLOTTED, evidence_of, where
 from tcs_friction.diagnose.search.candidates import Candidate
-from tcs_friction.diagnose.search.hypotheses import Kind, Start
 from tcs_friction.diagnose.search.rivals import Contest
+from tcs_friction.diagnose.search.start import Kind, Start
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, Table, instance
 

@@ -16,8 +16,8 @@ from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import least_squares, settle
 from tcs_friction.diagnose.fit.noise import white_noise
-from tcs_friction.diagnose.search.hypotheses import gain_by_load_from_motion
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
+from tcs_friction.diagnose.search.start import gain_by_load_from_motion
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording

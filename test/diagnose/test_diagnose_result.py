@@ -6,7 +6,7 @@ import json
 
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.result import Found
-from tcs_friction.diagnose.search.hypotheses import Kind
+from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance
 

@@ -16,9 +16,10 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search.candidates import Candidate
-from tcs_friction.diagnose.search.hypotheses import Kind, Start, starts
+from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.rivals import Contest, contest_for_place, contested
+from tcs_friction.diagnose.search.start import Kind, Start
 from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance

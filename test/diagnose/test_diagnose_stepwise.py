@@ -10,7 +10,7 @@ from concealed_torque_cases import DT, Motion, Torque, axis, conditioned, select
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import least_squares, settle
-from tcs_friction.diagnose.search.hypotheses import Start
+from tcs_friction.diagnose.search.start import Start
 from tcs_friction.diagnose.search.stepwise import (
     _confused_with_collisions,
     _placed_again,

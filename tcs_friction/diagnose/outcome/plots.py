@@ -15,9 +15,9 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry
 from tcs_friction.diagnose.outcome.plot_data import CoordinateCurve, Evidence, Isolated, Map, RunnerUp
 from tcs_friction.diagnose.search.candidates import Candidate
-from tcs_friction.diagnose.search.hypotheses import Kind, kind_of
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.rivals import Contest
+from tcs_friction.diagnose.search.start import Kind, kind_of
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import COORDINATES, Instance
 

@@ -21,8 +21,8 @@ from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
 from tcs_friction.diagnose.search.harmonics import added_effects
-from tcs_friction.diagnose.search.hypotheses import Kind
 from tcs_friction.diagnose.search.laws import Lack
+from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Role
 

@@ -11,7 +11,7 @@ from typing import Any
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
-from tcs_friction.diagnose.search.hypotheses import Kind
+from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Instance
 
 SCHEMA = "tcs_friction/diagnosis/1"

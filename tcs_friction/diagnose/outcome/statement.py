@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
-from tcs_friction.diagnose.search.hypotheses import Kind
+from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Place, Role
 
 SPOKEN = 3  # effects with their numbers in the sentence; the table has them all

@@ -19,16 +19,10 @@ from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly
 from tcs_friction.diagnose.fit.second_body import motion_gain
 from tcs_friction.diagnose.fit.torque import SLOW_PERIODS
 from tcs_friction.diagnose.parallel import side_by_side
-from tcs_friction.diagnose.search.hypotheses import (
-    Kind,
-    Start,
-    follows_load,
-    gain_by_load_from_motion,
-    kind_of,
-)
 from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import chance, feeds_on_noise, threshold
+from tcs_friction.diagnose.search.start import Kind, Start, follows_load, gain_by_load_from_motion, kind_of
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Term

@@ -21,10 +21,11 @@ from tcs_friction.diagnose.search.candidates import (
     squares_gained,
 )
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
-from tcs_friction.diagnose.search.hypotheses import Kind, Start, eligible, kind_of, starts
+from tcs_friction.diagnose.search.hypotheses import eligible, starts
 from tcs_friction.diagnose.search.plausibility import doubtful_size
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, threshold
+from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
 from tcs_friction.physics.terms import Instance
 

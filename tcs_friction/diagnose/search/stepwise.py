@@ -22,15 +22,7 @@ from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candidate, fitted_candidates
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
 from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
-from tcs_friction.diagnose.search.hypotheses import (
-    Kind,
-    Start,
-    all_starts,
-    kind_of,
-    pairs_of_starts,
-    pattern_search,
-    starts,
-)
+from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
 from tcs_friction.diagnose.search.laws import law_candidates, other_laws, simplest_law
 from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
@@ -42,6 +34,7 @@ from tcs_friction.diagnose.search.significance import (
     imperfection,
     threshold,
 )
+from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance
