@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from open_loop_cases import LUGRE, axis, recorded
+from closed_loop_cases import telescope_file
+from open_loop_cases import LUGRE, axis
 
 from tcs_friction.config import AxisFile
+from tcs_friction.control.loop import simulate_loop
+from tcs_friction.control.reference import Multisine, Reference
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import settle
@@ -17,8 +21,8 @@ from tcs_friction.diagnose.outcome.result import Verdict
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.diagnose.search.laws import completing, missing_features, other_laws, starting_axes
 from tcs_friction.diagnose.search.projection import survey
-from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import effect, law, laws
+from tcs_friction.physics.axis import Axis, Drive, Sensors
+from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import Feature, instance
 from tcs_friction.recording.recording import Recording
 
@@ -31,10 +35,16 @@ def with_law(name: str, factor: float = 1.0) -> Axis:
     return replace(axis(), friction=instance(law(name), values))
 
 
-def noisy(true: Axis) -> Recording:
-    recording = recorded(true, duration=60.0)
-    noise = 0.2 * np.random.default_rng(5).standard_normal(len(recording.t))
-    return replace(recording, torque=recording.torque + noise)
+@cache
+def tracked(name: str) -> Recording:
+    """That axis in the telescope's controller, slow enough for what friction does at low speed."""
+    control = telescope_file().control
+    assert control is not None
+    sensors, drive = Sensors(noise=5e-8), Drive(noise=0.2, noise_bandwidth=60.0)
+    true = replace(with_law(name), sensors=sensors, drive=drive)
+    sines = Multisine(2e-3, lowest_frequency=0.02, frequency_step=0.031, components=4, duration=80.0)
+    run = simulate_loop(true, Reference(sines), control.controller, control.loop, control.observer, control.compensator, 3)
+    return Recording(run.t, run.position, run.torque, source="simulated")
 
 
 @pytest.mark.parametrize(
@@ -49,7 +59,7 @@ def noisy(true: Axis) -> Recording:
     ],
 )
 def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, names: set[str]) -> None:
-    found = diagnose([noisy(with_law(true))], AxisFile(with_law(believed, 1.1)))
+    found = diagnose([tracked(true)], AxisFile(with_law(believed, 1.1)))
     assert {one.effect for one in found.effects} == names
     assert found.improved.held_out < 1.2 * found.noise_floor
     expected = (Verdict.MISSING_PHYSICS,) if names else (Verdict.PARAMETERS, Verdict.MATCH)
@@ -59,7 +69,7 @@ def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, 
 
 
 def test_the_improved_axis_has_the_better_law() -> None:
-    found = diagnose([noisy(with_law("lugre"))], AxisFile(with_law("dahl_viscous")))
+    found = diagnose([tracked("lugre")], AxisFile(with_law("dahl_viscous")))
     friction = found.axis_file.axis.friction
     assert friction.term.id == "lugre"
     assert friction.values["static"] == pytest.approx(90.0, rel=0.02)
@@ -77,9 +87,9 @@ def test_what_grows_with_the_load_takes_no_other_law() -> None:
 
 
 def test_laws_start_from_what_they_share() -> None:
-    recording = noisy(with_law("dahl_viscous"))
+    recording = tracked("dahl_viscous")
     view = survey(TorqueBalance(prepare([recording])), with_law("dahl_viscous"))
-    for term in laws().values():
+    for term in other_laws(with_law("dahl_viscous")):
         starts = starting_axes(with_law("dahl_viscous"), term, view)
         assert starts
         for start in starts:
@@ -97,7 +107,7 @@ def test_an_effect_stands_for_what_is_missing() -> None:
 
 
 def test_a_law_without_memory_is_compared_in_motion_only() -> None:
-    recording = noisy(with_law("coulomb_viscous"))
+    recording = tracked("coulomb_viscous")
     moving = TorqueBalance(prepare([recording], at_rest=False))
     fit = settle(moving, with_law("coulomb_viscous"), white_noise(moving.samples))
     everything = TorqueBalance(prepare([recording]))

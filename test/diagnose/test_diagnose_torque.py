@@ -53,7 +53,7 @@ def test_a_transfer_is_what_the_kernel_does(term: Term) -> None:
         machine.evaluate_drive(built, t, 0.0 * motion, wave, signals, out)
         out -= wave
     else:
-        machine.evaluate_demand(built, t, motion, wave, signals, 1e-6, out)
+        machine.evaluate_demand(built, t, motion, wave, signals, 1e-6, np.zeros(len(t), bool), wave, out)
         out /= plain.inertia
     late = t > 2.0
     got = 2.0 * np.mean(out[late] * np.exp(-1j * w * t[late])) * 1j
@@ -76,7 +76,8 @@ def test_lean_loops_agree_with_the_full_one() -> None:
     machine.evaluate(everything, s.t, *motion, s.torque, s.signals, 1e-6, out)
     rotor, demand = np.empty(len(s.t)), np.empty(len(s.t))
     machine.evaluate_drive(built({Place.DRIVE}), s.t, motion, s.torque, s.signals, rotor)
-    machine.evaluate_demand(built({Place.LAW, Place.BODY}), s.t, motion, rotor, s.signals, 1e-6, demand)
+    never = np.zeros(len(s.t), bool)
+    machine.evaluate_demand(built({Place.LAW, Place.BODY}), s.t, motion, rotor, s.signals, 1e-6, never, rotor, demand)
     assert rotor == pytest.approx(out[:, machine.ROTOR])
     assert demand + full.inertia * s.acceleration == pytest.approx(out[:, machine.REQUIRED])
 

@@ -17,6 +17,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
@@ -137,12 +138,12 @@ class _Conclusion:
         """Structure that remains; where none is found, a residual far above the noise is structure in time.
 
         What a coarse encoder's steps may imitate, louder in slow motion than in fast, is none. Effects that are described only
-        belong to what remains.
+        belong to what remains, if they are larger than what the noise floor is known to.
         """
         left = self._structure(errors, floor)
-        if not described:
-            return left
         torque = math.hypot(left.torque_rms, *(one.torque_rms for one in described))
+        if not described or torque**2 < FLOOR_ERROR * floor**2:
+            return left
         largest = dict(described[0].where)
         return Unexplained(True, torque, {**largest, "coordinates": [largest["coordinate"]]})
 

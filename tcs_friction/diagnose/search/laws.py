@@ -27,7 +27,7 @@ from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, chance, threshold
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects, laws
-from tcs_friction.physics.terms import Feature, Instance, Role, Survey, Term, instance
+from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Survey, Term, instance
 
 STARTS = 2  # of each law that are fitted jointly
 FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of the best start of each law
@@ -146,27 +146,30 @@ def simplest_law(balance: TorqueBalance, candidates: Sequence[LawCandidate]) -> 
 
 
 def starting_axes(axis: Axis, term: Term, view: Survey) -> list[Axis]:
-    """The axis with another law, at every distinct start; what the two laws call alike keeps its value."""
-    known = axis.friction.values
-    linear = LEAST_VISCOUS * view.level / max(view.fast, 1e-300)
+    """The axis with another law, at every distinct start; none where the law does not say where to start.
 
-    def value(name: str, scanned: Mapping[str, float]) -> float | None:
-        parameter = term.parameter(name)
-        own = known.get(name, 0.0)
-        if own > 0.0 or (name in known and parameter.role is Role.FIXED):
-            return own
-        if name in scanned:
-            return scanned[name]
-        return linear if parameter.role is Role.LINEAR else parameter.default
-
-    found: dict[tuple[float | None, ...], Axis] = {}
+    What the two laws call alike keeps its value, and so do dry and viscous friction.
+    """
+    found: dict[tuple[float, ...], Axis] = {}
     for scanned in term.scan(view):
-        values = {p.name: value(p.name, scanned) for p in term.parameters}
-        given = {name: number for name, number in values.items() if number is not None}
-        key = tuple(values.values())
-        if key not in found:
-            found[key] = replace(axis, friction=instance(term, given))
+        values = {p.name: _starting_value(p, axis.friction, scanned, view) for p in term.parameters}
+        given = {name: value for name, value in values.items() if value is not None}
+        if len(given) == len(values):
+            found.setdefault(tuple(given.values()), replace(axis, friction=instance(term, given)))
     return list(found.values())
+
+
+def _starting_value(
+    parameter: Parameter, law: Instance, scanned: Mapping[str, float], view: Survey
+) -> float | None:
+    """Where a parameter of another law starts; None where nothing says."""
+    known = law.values.get(parameter.name, 0.0)
+    if known > 0.0 or (parameter.name in law.values and parameter.role is Role.FIXED):
+        return known
+    if parameter.feature in (Feature.DRY, Feature.VISCOUS):
+        alike = (law.values[p.name] for p in law.term.parameters if p.feature is parameter.feature)
+        return max(next(alike, 0.0), LEAST_VISCOUS * view.level / max(view.fast, 1e-300))
+    return scanned.get(parameter.name, parameter.default)
 
 
 def _best_starts(projected: ProjectedResidual, axes: Sequence[Axis]) -> list[Axis]:
