@@ -1,8 +1,9 @@
 """Stepwise selection: forward by the best confirmed candidate, backward by what no longer earns its place.
 
-In: the retuned fit. Out: a `Selection`: the chosen fit and the candidates of every round. Before any effect is added, and again
-when no more is, other friction laws compete with the effects: what a wrong law leaves behind looks like effects. The noise model
-is estimated anew with each fit that is kept; inside a round all fits share one, so that their squares can be compared.
+In: the retuned fit. Out: a `Selection`: the chosen fit and the candidates of every round. Other friction laws compete with the
+effects before any is added, until no law is better, and again where an effect completes the law or none is left to be added:
+what a wrong law leaves behind looks like effects. The noise model is estimated anew with each fit that is kept; inside a round
+all fits share one, so that their squares can be compared.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ TRIED = 5  # candidates in a round that are fitted jointly
 CLOSE_BEHIND = 0.1  # of the best start's promise, from which a start is fitted jointly, too
 HALF_PROMISED = 0.5  # of the threshold that a start must promise: a joint fit may bring it twice as far
 MOST_EFFECTS = 6
+MOST_LAWS = 3  # one after the other
 PLACING_ITERATIONS = 12  # of a fit from an effect's new place
 Progress = Callable[[float, str], None]
 
@@ -83,20 +85,20 @@ def select_effects(
     """
     fit, rounds = base, list[tuple[Candidate, ...]]()
     alternatives: dict[Kind, float] = {}
-    for number in range(MOST_EFFECTS):
-        progress(0.2 + 0.1 * number, f"round {number + 1}: {len(fit.axis.effects)} effects")
+    law_is_open = True
+    for number in range(MOST_EFFECTS + MOST_LAWS):
+        progress(min(0.2 + 0.1 * number, 0.7), f"round {number + 1}: {len(fit.axis.effects)} effects")
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
         best = _worth_adding(balance, base, fit, candidates)
-        law = None
-        if number == 0 or best is None:  # before any effect, and when no effect is left to be added
+        if law_is_open or best is None or any(item.term.features for item in best.items):
             law = _better_law(balance, fit, believed, 0.0 if best is None else best.score)
-        if law is not None:
-            base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
-            fit = pruned(balance, settle(balance, law.axis, law.noise, rounds=2), base, alternatives)
-            candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
-            best = _worth_adding(balance, base, fit, candidates)
+            law_is_open = law is not None and number < MOST_LAWS
+            if law is not None:
+                base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
+                fit = pruned(balance, settle(balance, law.axis, law.noise, rounds=2), base, alternatives)
+                continue
         rounds.append(tuple(candidates))
-        if best is None:
+        if best is None or len(added_effects(fit.axis, retuned.axis)) >= MOST_EFFECTS:
             break
         new = {item.identity for item in best.items} if len(best.items) == 1 else set()
         earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
