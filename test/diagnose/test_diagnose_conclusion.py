@@ -135,7 +135,11 @@ def test_effects_are_told_with_their_own_contests(fitted: tuple[TorqueBalance, F
 
 def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
     balance, retuned, improved = fitted
-    assert concluded(fitted).verdict is Verdict.MISSING_PHYSICS
+    contests = [contest(balance, improved, item.identity) for item in improved.axis.effects]
+    assert concluded(fitted, *contests).verdict is Verdict.MISSING_PHYSICS
+    doubted = [replace(one, gain=0.0) for one in contests]
+    assert concluded(fitted, *doubted).verdict is Verdict.UNEXPLAINED, "what is not established is described"
+    assert {one.effect for one in concluded(fitted, *doubted).described} == {"torque_bias", "coulomb_asymmetry"}
     far = concluded(fitted, improved=retuned)
     assert far.verdict is Verdict.UNEXPLAINED, "nothing is named, and far more than noise is left"
     assert far.unexplained.where is not None

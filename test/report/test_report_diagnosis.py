@@ -65,6 +65,7 @@ def diagnosis() -> dict[str, Any]:
                 "torque_rms": 1.2,
             }
         ],
+        "described": [],
         "fit": {
             "noise_floor": 0.3,
             "believed": {"train": 1.4, "held_out": 1.42},

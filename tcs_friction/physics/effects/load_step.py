@@ -7,6 +7,8 @@ from typing import Any
 
 from tcs_friction.physics.terms import TIME, Parameter, Place, Role, Survey, Term, kernel
 
+BLURRED = 2.0  # periods of the cutoff, that the low pass spreads an event over
+
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -18,10 +20,13 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
 
 
 def implausible(values: Mapping[str, float], survey: Survey) -> str:
-    """A torque keeps its sign when the axis turns back, friction does not: both ways have to be seen before and after."""
-    time = values["time"]
-    between = any(end <= time for _, end in survey.turns) and any(begin >= time for begin, _ in survey.turns)
-    return "" if between else "the axis does not turn back both before and after it"
+    """What begins while the axis turns back is friction before it is an event.
+
+    A turn lasts until friction is built up the other way; as much again on either side belongs to it, and what the filter blurs.
+    """
+    time, blur = values["time"], BLURRED / survey.cutoff
+    turning = any(2.0 * begin - end - blur < time < 2.0 * end - begin + blur for begin, end in survey.turns)
+    return "the axis turns back at that time" if turning else ""
 
 
 def extent(values: Mapping[str, float]) -> tuple[float, float | None]:
