@@ -94,7 +94,9 @@ def lag(s: Setting) -> Truth:
 def delay(s: Setting) -> Truth:
     samples = int(s.rng.integers(2, 6)) * s.loop.substeps
     step = s.motion.period / s.loop.substeps
-    s.model.drive = f'<motor name="drive" joint="axis" nsample="{samples + 2}" delay="{samples * step:.9g}"/>'
+    s.model.drive = (
+        f'<motor name="drive" joint="axis" nsample="{4 * samples + 2}" delay="{samples * step:.9g}"/>'
+    )
     s.details["delay"] = samples * step
     return Truth((("transport_delay", "actuator_lag"),), "the drive acts later than believed")
 

@@ -132,21 +132,27 @@ def fan(s: Setting) -> Truth:
 def stop(s: Setting) -> Truth:
     """A finger on the axis runs into a rubber stop at one end of the travel: a contact of the engine's."""
     high, low = float(s.motion.position.max()), float(s.motion.position.min())
-    depth = s.between(0.1, 0.25) * (high - low)
-    arm, radius, angle = 1.0, 0.02, high - depth
+    depth = min(
+        s.between(0.1, 0.25) * (high - low), 0.35
+    )  # rad; further in, the finger would come out of the block's sides
+    arm, radius, half, angle = 1.0, 0.02, 0.45, high - depth
     pressed = np.maximum(s.motion.position - angle, 0.0)
     stiffness = s.torque / rms(pressed)  # N m/rad
     x, y = arm * math.cos(angle), arm * math.sin(angle)
-    # A plane whose normal points against the finger's motion where they meet
+    # A block whose face looks against the finger's motion where they meet
     nx, ny = math.sin(angle), -math.cos(angle)
-    px, py = x - radius * nx, y - radius * ny
-    stiff = f"{-stiffness / s.inertia:.9g} {-0.1 * stiffness / s.inertia:.9g}"
+    px, py = x - (radius + half) * nx, y - (radius + half) * ny
+    # The engine takes the mean over three directions for the mobility of the finger, which can move in one
+    stiff = f"{-stiffness / s.inertia / 3.0:.9g} {-0.1 * stiffness / s.inertia / 3.0:.9g}"
     solver = f'condim="1" solref="{stiff}" solimp="{SOFT} {SOFT} 1e-3"'
     s.model.world.append(
-        f'<geom name="rubber" type="plane" size="1 1 0.01" pos="{px:.9g} {py:.9g} 0" zaxis="{nx:.9g} {ny:.9g} 0" {solver}/>'
+        f'<geom name="rubber" type="box" size="{half} {half} {half}" pos="{px:.9g} {py:.9g} 0" '
+        f'zaxis="{nx:.9g} {ny:.9g} 0" {solver}/>'
     )
+    mass = 1e-4 * s.inertia
+    s.take(mass * arm**2)
     s.model.inside.append(
-        f'<geom name="finger" type="sphere" size="{radius}" pos="{arm} 0 0" mass="0" {solver}/>'
+        f'<body pos="{arm} 0 0"><geom name="finger" type="sphere" size="{radius}" mass="{mass:.9g}" {solver}/></body>'
     )
     s.details |= {"from": angle, "stiffness": stiffness}
     return Truth((), "a rubber stop at one end of the travel", outside=True)

@@ -35,7 +35,7 @@ SIZES = (3.0, 8.0)  # torque rms of an effect over that of the noise
 TRIALS = 5  # draws of an effect until one can be built and controlled
 TELESCOPE, ROBOT = "telescope", "robot"
 PERIOD = {TELESCOPE: 0.002, ROBOT: 0.001}  # s
-SUBSTEPS = {TELESCOPE: 20, ROBOT: 20}
+SUBSTEPS = {TELESCOPE: 20, ROBOT: 10}
 
 # What is believed where the belief lacks nothing, and where it lacks a part of the law
 BASES: Mapping[str, tuple[str, tuple[str, ...]]] = {
@@ -168,7 +168,7 @@ def _dry(model: Model, friction: Mapping[str, float]) -> str:
     """The engine's dry friction is a soft constraint; it is made as hard as the step allows."""
     model.hinge |= {
         "frictionloss": f"{friction['coulomb']:.9g}",
-        "solreffriction": "2e-4 1",
+        "solreffriction": "4e-4 1",
         "solimpfriction": "0.999 0.9999 1e-6",
     }
     return f'<general name="friction" joint="axis" gainprm="0" damping="{friction["viscous"]:.9g} 0 0"/>'
