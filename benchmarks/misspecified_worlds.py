@@ -189,10 +189,11 @@ def simulate(p: Any, e: Any, encoder: Any, plant: Any, substeps: int) -> Any:
             measured_velocity += gain * ((measured - before) / PERIOD - measured_velocity)
         before = measured
         wanted = e.reference_velocity[k] + 10.0 * (e.reference[k] - measured)
-        command = 62.8 * p.inertia * (wanted - measured_velocity + integral)
+        further = integral + 6.0 * (wanted - measured_velocity) * PERIOD
+        command = 62.8 * p.inertia * (wanted - measured_velocity + further)
         motor = min(max(command, -plant.limit), plant.limit)
         if motor == command:  # the integral rests while the drive is at its limit
-            integral += 6.0 * (wanted - measured_velocity) * PERIOD
+            integral = further
         out[k, 0], out[k, 1], out[k, 2] = measured, measured_velocity, command
         motor *= 1.0 - plant.sag * abs(motor)
         noise = p.torque_noise * e.torque_noise[k]

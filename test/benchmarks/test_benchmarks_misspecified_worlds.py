@@ -15,7 +15,7 @@ from benchmarks.worlds import draw_axis
 from tcs_friction.config import load_axis
 from tcs_friction.recording.bags import read_recordings
 
-SHORT = 0.06
+SHORT = 0.2
 
 
 @pytest.fixture(autouse=True)
