@@ -113,7 +113,9 @@ def world(name: str, seed: int = 0) -> Trial:
     environment = draw_environment(rng, STRETCH)
     reference = environment.reference - environment.reference.mean()
     drawn = draw(true, rng)
-    drive = replace(drawn.drive, limit=math.inf)  # fast motion takes more than the 1 kN m that such an axis is drawn with
+    drive = replace(
+        drawn.drive, limit=math.inf
+    )  # fast motion takes more than the 1 kN m that such an axis is drawn with
     axis = replace(drawn, effects=known_load(true, reference), drive=drive)
     concealed = (drawn_effect(rng, axis, environment),) if beside else ()
     recording = closed_loop(axis_with(axis, concealed), environment, int(rng.integers(2**31)))

@@ -46,9 +46,7 @@ class Model:
 
     def xml(self, step: float) -> str:
         """The model in the engine's own format, MJCF, to be integrated with steps of `step` seconds."""
-        option = _words(
-            {"timestep": f"{step:.9g}", "gravity": "0 0 0", "integrator": "RK4", **self.option}
-        )
+        option = _words({"timestep": f"{step:.9g}", "gravity": "0 0 0", "integrator": "RK4", **self.option})
         return f"""<mujoco>
 <compiler angle="radian" autolimits="true"/>
 <option {option}/>
