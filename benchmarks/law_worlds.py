@@ -217,7 +217,7 @@ def closed_loop(axis: Axis, environment: Environment, seed: int) -> Recording:
     t = np.arange(len(reference)) * PERIOD
     others = {"elevation_velocity": environment.elevation_velocity, "wind_speed": environment.wind}
     return Recording(
-        t,
+        np.asarray(t, dtype=np.float64),
         out[:, 0],
         out[:, 2],
         velocity=out[:, 1],

@@ -107,10 +107,10 @@ def wandering(rng: np.random.Generator, _physics: Physics, environment: Environm
 
 def clipping(rng: np.random.Generator, physics: Physics, environment: Environment) -> Plant:
     """A drive that gives no more than a little above what steady motion takes; the command is logged as it was asked."""
-    steady = physics.static + physics.viscous * float(
-        np.quantile(np.abs(environment.reference_velocity), 0.9)
+    top = float(np.abs(environment.reference_velocity).max())
+    return ordinary(environment)._replace(
+        limit=(physics.static + physics.viscous * top) * rng.uniform(1.1, 1.4)
     )
-    return ordinary(environment)._replace(limit=steady * rng.uniform(1.05, 1.2))
 
 
 def sagging(rng: np.random.Generator, physics: Physics, environment: Environment) -> Plant:
@@ -153,7 +153,7 @@ def logged(e: Environment, out: np.ndarray, index: np.ndarray | None) -> Recordi
     stamps = np.arange(count) if len(index) == count else index
     others = {"elevation_velocity": e.elevation_velocity[stamps], "wind_speed": e.wind[stamps]}
     return Recording(
-        stamps * PERIOD,
+        np.asarray(stamps * PERIOD, dtype=np.float64),
         out[index, 0],
         out[index, 2],
         velocity=out[index, 1],
@@ -195,7 +195,7 @@ def simulate(p: Any, e: Any, encoder: Any, plant: Any, substeps: int) -> Any:
         if motor == command:  # the integral rests while the drive is at its limit
             integral = further
         out[k, 0], out[k, 1], out[k, 2] = measured, measured_velocity, command
-        motor *= 1.0 - plant.sag * abs(motor)
+        motor /= 1.0 + plant.sag * abs(motor)
         noise = p.torque_noise * e.torque_noise[k]
         for _ in range(substeps):
             ratio = v / p.stribeck_velocity

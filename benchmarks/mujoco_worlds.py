@@ -28,7 +28,7 @@ from benchmarks.trials import Trial, rng_of, signals_of
 from tcs_friction.config import AxisFile
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.terms import Instance, instance
 
 BELIEF = 0.1  # largest relative error of believed numbers
 SIZES = (3.0, 8.0)  # torque rms of an effect over that of the noise
@@ -47,6 +47,7 @@ BASES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "bristles": ("stribeck_static", ("presliding",)),
     "bristles-and-drop": ("coulomb_viscous", ("stribeck", "presliding")),
 }
+PARTS = {**EFFECTS, **SURROUNDINGS}
 TELESCOPE_ONLY = ("wind",)
 TOGETHER = (
     "telescope-gravity+cogging",
@@ -88,7 +89,7 @@ def _drawn(name: str, rng: np.random.Generator, refine: int) -> Trial:
     parts = rest.split("+")
     dry = "nothing-dry" in parts or "dry" in parts
     s = draw(rng, of == TELESCOPE, rest == "nothing-ordinary", dry)
-    truths = [(EFFECTS | SURROUNDINGS)[part](s) for part in parts if part in EFFECTS or part in SURROUNDINGS]
+    truths = [PARTS[part](s) for part in parts if part in PARTS]
     lawful, lacking = BASES.get(rest, ("coulomb_viscous" if dry else "lugre", ()))
     known: dict[str, float] | None = None
     if rest == "nothing-known-gravity":
@@ -185,7 +186,7 @@ def believe(rng: np.random.Generator, s: Setting, name: str, known: Mapping[str,
     values = {key: off(value) for key, value in s.friction.items()}
     values["static"] = max(values["static"], values["coulomb"])
     friction = instance(term, {key: value for key, value in values.items() if key in declared})
-    effects = ()
+    effects: tuple[Instance, ...] = ()
     if known is not None:
         phase = known["phase"] + BELIEF * float(rng.uniform(-1.0, 1.0))
         effects = (instance(effect("imbalance"), {"amplitude": off(known["amplitude"]), "phase": phase}),)

@@ -34,8 +34,7 @@ def test_every_kind_is_a_recording_of_which_nothing_may_be_named(kind: str) -> N
     assert trial.expected.effects == ()
     assert not trial.expected.outside
     assert not trial.expected.tolerated
-    assert np.abs(trial.recording.torque).max() < 2000.0
-    assert np.ptp(trial.recording.position) > 1.0
+    assert 1.0 < np.ptp(trial.recording.position) < 20.0
 
 
 def test_without_its_faults_it_is_the_axis_of_the_concealed_worlds() -> None:
