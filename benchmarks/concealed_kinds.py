@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks import law_worlds, misspecified_worlds, mujoco_worlds
+from benchmarks.concealed_floor import attainable
 from benchmarks.concealed_score import Judged, failed, judge
 from benchmarks.trials import Trial, save_trial
 from tcs_friction.diagnose.pipeline import diagnose
@@ -53,7 +54,9 @@ def solve(task: Task) -> Judged:
         found = diagnose([trial.recording], trial.believed).to_mapping()
     except TcsError as error:
         return failed(task.name, task.kind, trial.expected, str(error), time.perf_counter() - begin)
-    return judge(task.name, task.kind, trial.expected, found, time.perf_counter() - begin)
+    seconds = time.perf_counter() - begin
+    floor = attainable(trial.recording, trial.believed.axis, trial.true) if trial.true is not None else None
+    return judge(task.name, task.kind, trial.expected, found, seconds, floor)
 
 
 def save(task: Task, folder: Path) -> Path:

@@ -28,6 +28,7 @@ from tcs_friction.recording.recording import Recording
 
 STRETCH = 0.35  # of the concealed worlds' motion, about 130 s
 BELIEF = 0.1  # largest relative error of believed numbers
+ACTUATION_DELAY = 0.5 * PERIOD  # of a torque that is held until the next sample
 LOAD = 60.0  # N m, of the known spring at the ends of the travel, where friction depends on the load
 SIZES = (3.0, 8.0)  # torque rms of an effect over that of the noise
 
@@ -108,19 +109,18 @@ def names() -> list[str]:
 def world(name: str, seed: int = 0) -> Trial:
     """The law world of that name; an effect beside the pair is drawn by the seed."""
     pair, _, beside = name.partition("-and-")
-    believed, _, true = pair.partition("-for-")
+    believed, _, friction = pair.partition("-for-")
     rng = rng_of(name, seed)
     environment = draw_environment(rng, STRETCH)
     reference = environment.reference - environment.reference.mean()
-    drawn = draw(true, rng)
-    drive = replace(
-        drawn.drive, limit=math.inf
-    )  # fast motion takes more than the 1 kN m that such an axis is drawn with
-    axis = replace(drawn, effects=known_load(true, reference), drive=drive)
+    drawn = draw(friction, rng)
+    drive = replace(drawn.drive, limit=math.inf)  # fast motion takes more than the 1 kN m it is drawn with
+    axis = replace(drawn, effects=known_load(friction, reference), drive=drive)
     concealed = (drawn_effect(rng, axis, environment),) if beside else ()
-    recording = closed_loop(axis_with(axis, concealed), environment, int(rng.integers(2**31)))
+    complete = replace(axis, effects=(*axis.effects, *concealed))
+    recording = closed_loop(complete, environment, int(rng.integers(2**31)))
     file = AxisFile(belief(rng, axis, believed), signals_of(recording))
-    note = f"{true} friction, believed {believed}" + "".join(
+    note = f"{friction} friction, believed {believed}" + "".join(
         f"; {item.term.id} is missing" for item in concealed
     )
     details = {
@@ -128,7 +128,9 @@ def world(name: str, seed: int = 0) -> Trial:
         "friction": dict(axis.friction.values),
         "effect_parameters": {item.term.id: dict(item.values) for item in concealed},
     }
-    return Trial(name, recording, file, expected(believed, true, concealed, axis.drive.noise), note, details)
+    right = expected(believed, friction, concealed, axis.drive.noise)
+    true = replace(complete, actuation_delay=ACTUATION_DELAY)
+    return Trial(name, recording, file, right, note, details, true)
 
 
 def expected(believed: str, true: str, concealed: tuple[Instance, ...], noise: float) -> Expected:
@@ -169,10 +171,6 @@ def drawn_effect(rng: np.random.Generator, axis: Axis, environment: Environment)
     return instance(effect(name), values | {scaled: size * values[scaled]})
 
 
-def axis_with(axis: Axis, concealed: tuple[Instance, ...]) -> Axis:
-    return replace(axis, effects=(*axis.effects, *concealed))
-
-
 def belief(rng: np.random.Generator, axis: Axis, name: str) -> Axis:
     """The axis as somebody believes it: another law, values up to BELIEF off, those that the true law lacks as on such axes."""
     term = law(name)
@@ -197,7 +195,7 @@ def belief(rng: np.random.Generator, axis: Axis, name: str) -> Axis:
     if "static" in values:
         values["static"] = max(values["static"], values["coulomb"])
     friction = instance(term, values)
-    return Axis("azimuth", off(axis.inertia), friction, axis.effects, actuation_delay=0.5 * PERIOD)
+    return Axis("azimuth", off(axis.inertia), friction, axis.effects, actuation_delay=ACTUATION_DELAY)
 
 
 def closed_loop(axis: Axis, environment: Environment, seed: int) -> Recording:

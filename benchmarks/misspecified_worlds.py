@@ -105,18 +105,21 @@ def wandering(rng: np.random.Generator, _physics: Physics, environment: Environm
     return ordinary(environment)._replace(factor=1.0 + rng.uniform(0.015, 0.04) * steps / steps.std())
 
 
+def highest(physics: Physics, environment: Environment) -> float:
+    """Largest torque that following the reference takes, N m."""
+    speed = environment.reference_velocity
+    steady = physics.coulomb * np.sign(speed) + physics.viscous * speed
+    return float(np.abs(physics.inertia * np.gradient(speed, PERIOD) + steady).max())
+
+
 def clipping(rng: np.random.Generator, physics: Physics, environment: Environment) -> Plant:
-    """A drive that gives no more than a little above what steady motion takes; the command is logged as it was asked."""
-    top = float(np.abs(environment.reference_velocity).max())
-    return ordinary(environment)._replace(
-        limit=(physics.static + physics.viscous * top) * rng.uniform(1.1, 1.4)
-    )
+    """A drive that gives 80 to 95 % of the highest torque; the command is logged as it was asked."""
+    return ordinary(environment)._replace(limit=rng.uniform(0.8, 0.95) * highest(physics, environment))
 
 
 def sagging(rng: np.random.Generator, physics: Physics, environment: Environment) -> Plant:
-    """A torque constant that sags by 3 to 8 % at the torque of fast motion: a magnetic circuit that saturates."""
-    fast = physics.coulomb + physics.viscous * float(np.abs(environment.reference_velocity).max())
-    return ordinary(environment)._replace(sag=rng.uniform(0.03, 0.08) / fast)
+    """A torque constant that sags by 5 to 20 % at the highest torque: a magnetic circuit that saturates."""
+    return ordinary(environment)._replace(sag=rng.uniform(0.05, 0.2) / highest(physics, environment))
 
 
 def losing(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -132,9 +132,8 @@ def fan(s: Setting) -> Truth:
 def stop(s: Setting) -> Truth:
     """A finger on the axis runs into a rubber stop at one end of the travel: a contact of the engine's."""
     high, low = float(s.motion.position.max()), float(s.motion.position.min())
-    depth = min(
-        s.between(0.1, 0.25) * (high - low), 0.35
-    )  # rad; further in, the finger would come out of the block's sides
+    # Further in, the finger would come out of the block's sides
+    depth = min(s.between(0.1, 0.25) * (high - low), 0.35)  # rad
     arm, radius, half, angle = 1.0, 0.02, 0.45, high - depth
     pressed = np.maximum(s.motion.position - angle, 0.0)
     stiffness = s.torque / rms(pressed)  # N m/rad

@@ -13,6 +13,7 @@ import numpy as np
 
 from benchmarks.concealed_score import Expected
 from tcs_friction.config import AxisFile, save_axis, write_whole
+from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.write import write_recording
@@ -22,7 +23,10 @@ JOINT = "/joint_states"
 
 @dataclass(frozen=True)
 class Trial:
-    """A world to diagnose. `note` says in a sentence what it is; `details` are numbers of the truth, for a reader."""
+    """A world to diagnose. `note` says in a sentence what it is; `details` are numbers of the truth, for a reader.
+
+    true: the axis as it is, where the product's own terms can say it.
+    """
 
     name: str
     recording: Recording
@@ -30,6 +34,7 @@ class Trial:
     expected: Expected
     note: str
     details: Mapping[str, Any] = field(default_factory=dict)
+    true: Axis | None = None
 
 
 def rng_of(name: str, seed: int) -> np.random.Generator:

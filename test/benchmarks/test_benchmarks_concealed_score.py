@@ -21,7 +21,7 @@ def diagnosis(*entries: dict[str, Any], verdict: str = "", unexplained: bool = F
         "verdict": verdict,
         "effects": list(entries),
         "unexplained": {"present": unexplained},
-        "fit": {"improved": {"held_out": 0.6}},
+        "fit": {"improved": {"held_out": 0.6}, "noise_floor": 0.4},
         "free_run": {"position_rms": {"believed": 3.0, "retuned": 2.0, "improved": 1.0}},
     }
 
@@ -94,6 +94,14 @@ def test_what_was_missed_and_what_is_false_is_named() -> None:
     assert found.names[1] == Named("imbalance", 0.97, False)
     assert found.held_out == pytest.approx(1.2)
     assert found.free_run == pytest.approx(0.5)
+
+
+def test_the_floor_is_what_the_true_model_leaves_or_else_the_larger_noise() -> None:
+    """Held-out 0.6 N m: beside a given floor, the torque noise (0.5), the reported noise (0.4) if that is larger."""
+    assert judge("world-1", "laws", wants(), diagnosis(), 2.0, floor=0.3).held_out == pytest.approx(2.0)
+    assert judge("world-1", "laws", wants(), diagnosis(), 2.0).held_out == pytest.approx(1.2)
+    quiet = Expected((), 0.1)
+    assert judge("world-1", "mujoco", quiet, diagnosis(), 2.0).held_out == pytest.approx(1.5)
 
 
 def test_as_many_names_as_possible_find_their_effect() -> None:
