@@ -1,7 +1,7 @@
 """The floor beneath every diagnosis of a world: the residual that the true model leaves on the held-out data.
 
-The torque noise alone is no floor. The encoder's noise comes into every residual through the inertia, and what the
-recording does not show of the bristle's first deflection does, too.
+The torque noise alone is no floor: the encoder's noise comes into every residual through the inertia. A law without a bristle
+leaves more, since at rest the measured speed does not tell the direction in which it holds.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from tcs_friction.recording.recording import Recording
 def attainable(recording: Recording, believed: Axis, true: Axis) -> float:
     """Rms, N m, that the true model leaves on the data that a diagnosis from `believed` holds out.
 
-    Its numbers start at the true ones and are fitted to the other data, as the diagnosis fits its own.
+    The lesser of two: with its true numbers, and with numbers that are fitted to the other data from there, as the diagnosis
+    fits its own. At rest a fit can be led away from the true numbers.
     """
     data = prepare([recording], memory=FORGOTTEN * believed.bristle)
     balance = TorqueBalance(data, believed.actuation_delay)
     fit = settle(balance, true, white_noise(balance.samples))
-    return rms(balance.residual(fit.axis, fit.noise)[balance.held_out])
+    return min(rms(balance.residual(axis, fit.noise)[balance.held_out]) for axis in (true, fit.axis))
