@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.concealed_score import Bin, Judged, Named, reliability
+from benchmarks.concealed_score import BINS, Bin, Judged, Named, reliability
 from tcs_friction.config import write_whole
 from tcs_friction.report.figures import IMPROVED, MUTED, drawn, label, panels
 from tcs_friction.report.html import page, picture, section, table, write_page
@@ -100,19 +101,22 @@ def _bin_row(label: str, b: Bin) -> Row:
 
 @drawn(
     "reliability",
-    "Stated probability of names, and the share that is true with Wilson's 95 % interval; numbers are counts.",
+    "Share of names that is true (points, with Wilson's 95 % interval and the count) beside the probability stated (grey).",
 )
 def reliability_diagram(names: Sequence[Named]) -> Figure:
-    """The diagonal is calibrated; points below it claim too much."""
-    figure, (axes,) = panels(height=4.2, width=5.0)
-    axes.plot([0.0, 1.0], [0.0, 1.0], color=MUTED)
+    """One place for each bin of the table; points below the grey bar claim too much."""
+    figure, (axes,) = panels(height=4.2, width=6.0)
     for b in reliability(names):
-        low, high = b.interval
-        axes.plot([b.stated, b.stated], [low, high], color=IMPROVED)
-        axes.plot([b.stated], [b.share], "o", color=IMPROVED)
-        axes.annotate(str(b.count), (b.stated, b.share), textcoords="offset points", xytext=(6, -10))
-    axes.set_xlim(0.0, 1.02)
-    axes.set_ylim(0.0, 1.02)
+        place, (low, high) = BINS.index(b.low), b.interval
+        axes.plot([place - 0.35, place + 0.35], [b.stated, b.stated], color=MUTED, linewidth=3.0)
+        axes.plot([place, place], [low, high], color=IMPROVED)
+        axes.plot([place], [b.share], "o", color=IMPROVED)
+        axes.annotate(
+            str(b.count), (place, low), textcoords="offset points", xytext=(0, -4), ha="center", va="top"
+        )
+    axes.set_xticks(range(len(BINS) - 1), [f"{low:g} to {high:g}" for low, high in pairwise(BINS)])
+    axes.set_xlim(-0.5, len(BINS) - 1.5)
+    axes.set_ylim(-0.1, 1.05)
     label(axes, "stated probability", "share that is true")
     return figure
 
