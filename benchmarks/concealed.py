@@ -21,7 +21,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,10 +31,10 @@ import numpy as np
 from benchmarks.children import deaf, ended_with_this
 from benchmarks.concealed_baselines import baselines
 from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, world_of
-from benchmarks.concealed_effects import EFFECTS, OUTSIDE
+from benchmarks.concealed_effects import OUTSIDE
 from benchmarks.concealed_kinds import ALL, KINDS, OWN, Task, save, tasks_of
 from benchmarks.concealed_kinds import solve as solve_task
-from benchmarks.concealed_oracle import detection_limit
+from benchmarks.concealed_limits import limit_rows, limits_of
 from benchmarks.concealed_report import reliability_rows, row, summary, write_report
 from benchmarks.concealed_score import Judged, judge
 from benchmarks.trials import Trial, save_trial
@@ -268,37 +268,3 @@ def confusions(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         if not o.right[TOOL]
     )
     return [row(f"{truth} named {named}", float(count)) for (truth, named), count in sorted(wrong.items())]
-
-
-def limits_of(task: tuple[str, int, float]) -> tuple[str, float, float]:
-    """An effect's detection limits over the noise floor: the tool's, by an up-and-down search, and the oracle's."""
-    name, seed, stretch = task
-    index = list(EFFECTS).index(name)
-    world = world_of(Case("limit", (name,), (seed, index, 0), stretch, 1.0))
-    believed = world.believed.axis
-    declared = {p.name for p in believed.friction.term.parameters}
-    values = {n: v for n, v in world.truth.friction.items() if n in declared}
-    axis = replace(believed.with_friction(values), inertia=world.truth.inertia)
-    oracle = detection_limit(world, axis) / world.truth.noise_floor
-    size, factor, visited, before = 3.0 * oracle, 2.0, [], None
-    for trial in range(1, 9):
-        case = Case("limit", (name,), (seed, index, trial), stretch, size)
-        hidden = world_of(case)
-        entries = diagnose([hidden.recording], hidden.believed).to_mapping()["effects"]
-        seen = any(name in (entry["effect"], *entry["equivalent"]) for entry in entries)
-        if before is not None and seen != before:
-            factor = math.sqrt(factor) if factor > 1.3 else factor
-            visited.append(size)
-        before = seen
-        size = size / factor if seen else size * factor
-    visited.append(size)
-    return name, float(np.exp(np.mean(np.log(visited)))), oracle
-
-
-def limit_rows(limits: Sequence[tuple[str, float, float]]) -> list[dict[str, Any]]:
-    """One row an effect, and the median ratio."""
-    found = [row(f"detection limit, {name}", tool, "noise floors", oracle) for name, tool, oracle in limits]
-    return [
-        *found,
-        row("detection limit over the oracle's, median", float(np.median([t / o for _, t, o in limits]))),
-    ]
