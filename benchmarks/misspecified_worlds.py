@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance
+from tcs_friction.recording.clock import GAP_PERIODS
 from tcs_friction.recording.recording import Recording
 
 STRETCH = 0.35  # of the concealed worlds' motion, about 130 s
@@ -150,11 +152,12 @@ KINDS: Mapping[str, Kind] = {
 
 
 def logged(e: Environment, out: np.ndarray, index: np.ndarray | None) -> Recording:
-    """What the logger wrote: stamps of their own for repeated samples, none for lost ones."""
+    """What the logger wrote: stamps of their own for repeated samples, none for lost ones; cut where a reader of a bag cuts."""
     count = len(out)
     index = np.arange(count) if index is None else index
     stamps = np.arange(count) if len(index) == count else index
     others = {"elevation_velocity": e.elevation_velocity[stamps], "wind_speed": e.wind[stamps]}
+    cuts = [0, *(np.flatnonzero(np.diff(stamps) > GAP_PERIODS) + 1).tolist(), len(stamps)]
     return Recording(
         np.asarray(stamps * PERIOD, dtype=np.float64),
         out[index, 0],
@@ -162,6 +165,7 @@ def logged(e: Environment, out: np.ndarray, index: np.ndarray | None) -> Recordi
         velocity=out[index, 1],
         temperature=e.temperature[stamps],
         exogenous=others,
+        segments=tuple(slice(a, b) for a, b in pairwise(cuts) if b - a >= 2),
         source="world",
     )
 

@@ -87,6 +87,8 @@ def test_a_recording_with_gaps_can_be_saved_and_read(tmp_path: object) -> None:
     save_trial(trial, folder)
     (read,) = read_recordings([folder / "recording"], load_axis(folder / "axis.yaml").signals)
     assert np.array_equal(read.position, trial.recording.position)
+    assert read.segments == trial.recording.segments
+    assert len(read.segments) > 5
 
 
 def test_names_can_be_asked_for_one_by_one() -> None:
