@@ -41,7 +41,11 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["setuptools"],
-    extras_require={"test": ["pytest"], "hardware": ["pyserial"]},  # colcon test runs nothing without it
+    extras_require={
+        "test": ["pytest"],  # colcon test runs nothing without it
+        "hardware": ["pyserial"],
+        "bench": ["cma", "mujoco", "pymoo", "pysindy"],
+    },
     zip_safe=True,
     entry_points={
         "console_scripts": [

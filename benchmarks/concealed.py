@@ -1,9 +1,13 @@
 """Diagnosis of concealed effects: draw axes, conceal effects, see what the tool makes of bag and believed axis alone.
 
-Worlds come from an independent simulation (concealed_physics.py). Counted: exact sets for one, two and three effects, false
-alarms where nothing is concealed, `unexplained` where the effect is outside the vocabulary; errors of parameters, held-out
+The own worlds come from an independent simulation (concealed_physics.py). Counted: exact sets for one, two and three effects,
+false alarms where nothing is concealed, `unexplained` where the effect is outside the vocabulary; errors of parameters, held-out
 residual over the noise floor, time. Beside it two baselines on the same worlds, and, with --limits, the size at which each
 effect is found in half of all recordings beside that of an oracle (concealed_oracle.py).
+
+`--worlds` asks for other kinds: on MuJoCo, with misspecified bases, with other friction laws (mujoco_worlds.py,
+misspecified_worlds.py, law_worlds.py). Every kind is judged by one function (concealed_score.py). `--save` writes worlds for
+`./tcs diagnose`, `-o` a report with the reliability of the stated probabilities.
 """
 
 from __future__ import annotations
@@ -11,40 +15,37 @@ from __future__ import annotations
 import argparse
 import math
 import multiprocessing
+import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.children import deaf, ended_with_this
 from benchmarks.concealed_baselines import baselines
-from benchmarks.concealed_effects import EFFECTS, OUTSIDE
-from benchmarks.concealed_oracle import detection_limit
-from benchmarks.worlds import World, draw_world
+from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, world_of
+from benchmarks.concealed_effects import OUTSIDE
+from benchmarks.concealed_kinds import ALL, KINDS, OWN, Task, save, tasks_of
+from benchmarks.concealed_kinds import solve as solve_task
+from benchmarks.concealed_limits import limit_rows, limits_of
+from benchmarks.concealed_report import reliability_rows, row, summary, write_report
+from benchmarks.concealed_score import Judged, judge
+from benchmarks.trials import Trial, save_trial
+from benchmarks.worlds import World
 from tcs_friction.commands.parser import positive
 from tcs_friction.diagnose.parallel import cores
 from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.errors import InputError, nearest
+from tcs_friction.writable import output_directory
 
-SMALLEST, LARGEST = 1.0, 8.0  # sizes of concealed effects, torque rms over that of the noise floor
-NATURAL = ("presliding",)  # effects that come as large as they are
-LIMITED = [name for name in EFFECTS if name not in (*OUTSIDE, *NATURAL)]  # that have a detection limit
 TOOL = "diagnose"
-
-
-@dataclass(frozen=True)
-class Case:
-    """One world to draw: how many effects or which, seeds, length."""
-
-    kind: str
-    effects: tuple[str, ...] | int
-    seed: tuple[int, ...]
-    stretch: float
-    size: float | None = None
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Outcome:
     verdict: str
     seconds: float
     held_out: float  # rms over that of the noise floor
+    judged: Judged
     errors: dict[str, float] = field(default_factory=dict)  # relative, of parameters of effects found
 
 
@@ -65,10 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this benchmark."""
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default 0)")
     parser.add_argument(
-        "--worlds", type=positive, default=1, help="worlds per effect; pairs and others in proportion"
+        "--worlds", choices=[OWN, *KINDS, ALL], default=OWN, help="kind of worlds (default own)"
     )
     parser.add_argument(
-        "--stretch", type=float, default=1.0, help="length of the recordings; 1 is about 340 s"
+        "--each", type=positive, default=1, help="own worlds per effect; pairs and others in proportion"
+    )
+    parser.add_argument(
+        "--stretch", type=float, default=1.0, help="length of the own worlds' recordings; 1 is about 340 s"
     )
     parser.add_argument(
         "--limits",
@@ -78,91 +83,125 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="detection limits, of all effects or these",
     )
     parser.add_argument(
-        "--only", choices=["none", "one", "two", "three", "outside"], help="one kind of world"
+        "--only", type=_world_name, metavar="NAME", help="one world, or one class of the own worlds"
     )
-    parser.add_argument("--count", type=positive, help="only so many of the worlds, drawn at random from them")
-    parser.add_argument("--jobs", type=positive, default=cores(), help="processes")
+    parser.add_argument("--count", type=positive, help="only so many of each kind, drawn at random")
+    parser.add_argument(
+        "--save", type=output_directory, metavar="DIR", help="write the worlds instead of diagnosing them"
+    )
+    parser.add_argument(
+        "-o", "--output", type=output_directory, metavar="DIR", help="where to write a report"
+    )
+    parser.add_argument(
+        "--jobs", type=positive, default=min(2, cores()), help="processes (default at most 2)"
+    )
+
+
+def _world_name(word: str) -> str:
+    """A name of a world of any kind, or a class of the own ones, as the `type` of an argument."""
+    known = [*CLASSES, *(name for kind in KINDS.values() for name in kind.names())]
+    if word in known or re.fullmatch(rf"({'|'.join(CLASSES)})-\d+", word):
+        return word
+    raise argparse.ArgumentTypeError(f"no world {word!r}, {nearest(word, known)}")
 
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """All worlds, then the limits where asked for."""
+    """All worlds of the kinds asked for, or the limits."""
+    kinds = [OWN, *KINDS] if arguments.worlds == ALL else [arguments.worlds]
     with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool, ended_with_this():
         if arguments.limits is not None and arguments.only is None:
             tasks = [(name, arguments.seed, arguments.stretch) for name in arguments.limits or LIMITED]
-            return limit_rows(list(_watched(_begun(pool, limits_of, tasks), len(tasks))))
-        cases = draw_cases(arguments.seed, arguments.worlds, arguments.stretch, arguments.only)
-        if arguments.count is not None and arguments.count < len(cases):
-            kept = np.random.default_rng(arguments.seed).choice(len(cases), arguments.count, replace=False)
-            cases = [cases[i] for i in sorted(kept)]
-        return rows(list(_watched(_begun(pool, solve, cases), len(cases))))
+            return limit_rows(list(_watched(_begun(pool, limits_of, tasks))))
+        found: list[dict[str, Any]] = []
+        judged: list[Judged] = []
+        for kind in kinds:
+            work = _work(kind, arguments)
+            if arguments.save is not None:
+                written = sum(_watched(_begun(pool, partial(save_world, folder=arguments.save), work)))
+                found.append(row(f"{kind} worlds written to {arguments.save}", float(written)))
+                continue
+            results = list(_watched(_begun(pool, solve, work)))
+            outcomes = [result for result in results if isinstance(result, Outcome)]
+            of_kind = [result.judged if isinstance(result, Outcome) else result for result in results]
+            found += (rows(outcomes) if outcomes else []) + (summary(kind, of_kind) if of_kind else [])
+            judged += of_kind
+    if not judged:
+        return found
+    found += reliability_rows(judged)
+    if arguments.output is not None:
+        print(write_report(arguments.output, judged, found), file=sys.stderr)
+    return found
 
 
-def _begun(pool: ProcessPoolExecutor, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
+def _work(kind: str, arguments: argparse.Namespace) -> list[Case | Task]:
+    """The worlds of one kind that are asked for. InputError when there is none, where one kind is asked for."""
+    work: list[Case | Task] = []
+    if kind == OWN:
+        work += draw_cases(arguments.seed, arguments.each, arguments.stretch, arguments.only)
+    else:
+        work += tasks_of(kind, arguments.seed, arguments.only)
+    if not work and arguments.worlds == kind:
+        raise InputError(
+            "--only", f"no world {arguments.only!r} among the {kind} ones", f"--worlds {ALL} or its kind"
+        )
+    if arguments.count is None or arguments.count >= len(work):
+        return work
+    kept = np.random.default_rng(arguments.seed).choice(len(work), arguments.count, replace=False)
+    return [work[i] for i in sorted(kept)]
+
+
+def _begun(
+    pool: ProcessPoolExecutor, work: Callable[[Any], Any], tasks: Sequence[Any]
+) -> tuple[Iterator[Any], int]:
+    """The results to come, and how many. The workers leave Ctrl-C to this process."""
     with deaf():
-        return pool.map(work, tasks)
+        return pool.map(work, tasks), len(tasks)
 
 
-def _watched(results: Iterable[Any], count: int) -> Iterable[Any]:
+def _watched(begun: tuple[Iterator[Any], int]) -> Iterable[Any]:
+    results, count = begun
     for done, result in enumerate(results, 1):
         if sys.stderr.isatty():
             print(f"\r{done}/{count}", end="\n" if done == count else "", file=sys.stderr, flush=True)
         yield result
 
 
-def draw_cases(seed: int, worlds: int, stretch: float, only: str | None = None) -> list[Case]:
-    """Every effect alone so many times, and about as many others as their bars need."""
-    known = [name for name in EFFECTS if name not in OUTSIDE]
-    wanted: list[tuple[str, tuple[str, ...] | int]] = []
-    wanted += [("one", (name,)) for name in known] * worlds
-    wanted += [("none", ())] * 10 * worlds
-    wanted += [("two", 2)] * 14 * worlds
-    wanted += [("three", 3)] * 6 * worlds
-    wanted += [("outside", (name,)) for name in OUTSIDE] * 2 * worlds
-    cases = [Case(kind, effects, (seed, i), stretch) for i, (kind, effects) in enumerate(wanted)]
-    return [case for case in cases if only in (None, case.kind)]
-
-
-def world_of(case: Case) -> World:
-    """The case's world; sizes between SMALLEST and LARGEST unless it says one."""
-    rng = np.random.default_rng(case.seed)
-    size = (
-        case.size if case.size is not None else math.exp(rng.uniform(math.log(SMALLEST), math.log(LARGEST)))
+def save_world(work: Case | Task, folder: Path) -> int:
+    """Write one world for `./tcs diagnose`; the number of worlds written."""
+    if isinstance(work, Task):
+        save(work, folder)
+        return 1
+    world = world_of(work)
+    concealed = ", ".join(world.truth.effects) or "nothing"
+    details = asdict(world.truth)
+    del details["effects"], details["noise_floor"]
+    trial = Trial(
+        work.name, world.recording, world.believed, expected_of(world), f"concealed: {concealed}", details
     )
-    return draw_world(rng, case.effects, size, case.stretch)
+    save_trial(trial, folder / OWN / work.name)
+    return 1
 
 
-def solve(case: Case) -> Outcome:
-    """Diagnose one world with the tool and the baselines."""
-    world = world_of(case)
+def solve(work: Case | Task) -> Outcome | Judged:
+    """Make and diagnose one world; an own one with the baselines beside the tool."""
+    if isinstance(work, Task):
+        return solve_task(work)
+    world = world_of(work)
     begin = time.perf_counter()
     found = diagnose([world.recording], world.believed).to_mapping()
-    seconds = time.perf_counter() - begin
+    judged = judge(work.name, OWN, expected_of(world), found, time.perf_counter() - begin)
     others = baselines(world.recording, world.believed, world.truth.noise_floor)
     concealed = tuple(name for name in world.truth.effects if name not in OUTSIDE)
-    outside = len(concealed) < len(world.truth.effects)
     named = {TOOL: tuple(entry["effect"] for entry in found["effects"]), **others}
-    right = {name: set(effects) == set(concealed) and not outside for name, effects in others.items()}
-    verdict = str(found["verdict"])
-    expected = "unexplained" if outside else ("missing_physics" if concealed else verdict)
-    right[TOOL] = verdict == expected and same_set(concealed, found["effects"])
-    if not concealed and not outside:
-        right[TOOL] = verdict in ("match", "parameters") and not named[TOOL]
+    inside = not judged.expected.outside
+    right = {name: set(effects) == set(concealed) and inside for name, effects in others.items()}
+    right[TOOL] = judged.right
     floor = float(found["fit"]["noise_floor"])
     held_out = float(found["fit"]["improved"]["held_out"]) / floor
     errors = parameter_errors(world, found["effects"])
-    return Outcome(case.kind, world.truth.effects, named, right, verdict, seconds, held_out, errors)
-
-
-def same_set(concealed: Sequence[str], entries: Sequence[dict[str, Any]]) -> bool:
-    """Whether the entries name the concealed effects one to one, each by its id or as equivalent; maps count for nothing."""
-    entries = [entry for entry in entries if entry["effect"] != "learned_map"]
-    left = list(concealed)
-    for entry in entries:
-        match = next((name for name in left if name in (entry["effect"], *entry["equivalent"])), None)
-        if match is None:
-            return False
-        left.remove(match)
-    return not left
+    return Outcome(
+        work.kind, world.truth.effects, named, right, judged.verdict, judged.seconds, held_out, judged, errors
+    )
 
 
 def parameter_errors(world: World, entries: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -180,12 +219,6 @@ def parameter_errors(world: World, entries: Sequence[dict[str, Any]]) -> dict[st
                 error = abs(found - value) / max(abs(value), 1e-12)
             errors[f"{entry['effect']}.{name}"] = error
     return errors
-
-
-def row(name: str, value: float, unit: str = "1", beside: float | None = None) -> dict[str, Any]:
-    """One result; the ratio is of the value to what stands beside it."""
-    ratio = value / beside if beside else None
-    return {"name": name, "value": value, "unit": unit, "beside": beside, "ratio": ratio}
 
 
 def rows(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
@@ -235,37 +268,3 @@ def confusions(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         if not o.right[TOOL]
     )
     return [row(f"{truth} named {named}", float(count)) for (truth, named), count in sorted(wrong.items())]
-
-
-def limits_of(task: tuple[str, int, float]) -> tuple[str, float, float]:
-    """An effect's detection limits over the noise floor: the tool's, by an up-and-down search, and the oracle's."""
-    name, seed, stretch = task
-    index = list(EFFECTS).index(name)
-    world = world_of(Case("limit", (name,), (seed, index, 0), stretch, 1.0))
-    believed = world.believed.axis
-    declared = {p.name for p in believed.friction.term.parameters}
-    values = {n: v for n, v in world.truth.friction.items() if n in declared}
-    axis = replace(believed.with_friction(values), inertia=world.truth.inertia)
-    oracle = detection_limit(world, axis) / world.truth.noise_floor
-    size, factor, visited, before = 3.0 * oracle, 2.0, [], None
-    for trial in range(1, 9):
-        case = Case("limit", (name,), (seed, index, trial), stretch, size)
-        hidden = world_of(case)
-        entries = diagnose([hidden.recording], hidden.believed).to_mapping()["effects"]
-        seen = any(name in (entry["effect"], *entry["equivalent"]) for entry in entries)
-        if before is not None and seen != before:
-            factor = math.sqrt(factor) if factor > 1.3 else factor
-            visited.append(size)
-        before = seen
-        size = size / factor if seen else size * factor
-    visited.append(size)
-    return name, float(np.exp(np.mean(np.log(visited)))), oracle
-
-
-def limit_rows(limits: Sequence[tuple[str, float, float]]) -> list[dict[str, Any]]:
-    """One row an effect, and the median ratio."""
-    found = [row(f"detection limit, {name}", tool, "noise floors", oracle) for name, tool, oracle in limits]
-    return [
-        *found,
-        row("detection limit over the oracle's, median", float(np.median([t / o for _, t, o in limits]))),
-    ]

@@ -18,8 +18,21 @@ from tcs_friction.nodes.wire import JointWire
 
 
 def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
-    command = [sys.executable, "-P", "-m", "tcs_friction.cli", "bench", "faults", "--minutes", "0.35", "--json"]
-    environment = os.environ | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "tcs_friction.cli",
+        "bench",
+        "faults",
+        "--minutes",
+        "0.35",
+        "--json",
+    ]
+    environment = os.environ | {
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
     ended = subprocess.run(command, capture_output=True, text=True, timeout=250, env=environment, check=False)
     assert ended.returncode == 0, ended.stderr
     results = {entry["name"]: entry for entry in json.loads(ended.stdout)["results"]}

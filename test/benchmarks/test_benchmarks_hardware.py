@@ -64,7 +64,9 @@ def test_a_torque_over_position_is_left_and_named(data: Path) -> None:
     assert draw_where(subject).png.startswith(b"\x89PNG")
 
 
-def test_the_benchmark_writes_table_and_report(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_benchmark_writes_table_and_report(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ["bench", "hardware", "--data", str(data), "--laws", "lugre", "-o", str(tmp_path / "out")]
     assert main(words) == 0
     printed = capsys.readouterr().out
