@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
@@ -55,9 +55,11 @@ def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
 
 
 def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
-    """Rms (rad) of the position error within windows of `horizon` (s, or what fits) of the held-out data.
+    """Rms (rad) of the position error within a window of `horizon` (s, or what fits) of the held-out data, the median window's.
 
-    An error beyond the whole travel counts as the travel, so a model that runs away has a large error but a number.
+    Whether an axis just stops or just goes on hangs on what no model knows: a few windows in which it does the other thing would
+    outweigh all others in a mean. An error beyond the whole travel counts as the travel, so a model that runs away has a large
+    error but a number.
     """
     step = data.dt / data.stride
     length = round(usable_horizon(data, horizon) / step)
@@ -67,7 +69,7 @@ def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
     travel = float(np.ptp(data.joined("position")))
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
     resolution = data.speed_resolution
-    squares, count = 0.0, 0
+    found: list[np.ndarray] = []
     for s, begins in zip(data.stretches, starts, strict=True):
         if not len(begins):
             continue
@@ -87,17 +89,26 @@ def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
             travel,
             errors,
         )
-        squares += float(np.sum(errors**2))
-        count += errors.size
-    return math.sqrt(squares / max(count, 1))
+        found.append(np.sqrt(np.mean(errors**2, axis=1)))
+    return float(np.median(np.concatenate(found))) if found else 0.0
 
 
 def _held_out(data: DataSet) -> list[list[tuple[int, int]]]:
-    """For each stretch the runs (first, last + 1) of evaluated samples that are held out."""
+    """For each stretch the runs (first, last + 1) of evaluated samples that are held out, halts on the way among them."""
     return [
-        [(int(a) * data.stride, min((int(b) - 1) * data.stride + 1, len(s.t))) for a, b in runs(s.held_out)]
+        [(a * data.stride, min((b - 1) * data.stride + 1, len(s.t))) for a, b in _blocks(s, data.stride)]
         for s in data.stretches
     ]
+
+
+def _blocks(s: Stretch, stride: int) -> list[tuple[int, int]]:
+    """Runs (first, last + 1) of compared samples from a held-out one to another, with nothing but rest between them."""
+    blocks = []
+    for a, b in runs(s.held_out | s.resting[::stride]):
+        kept = np.flatnonzero(s.held_out[a:b])
+        if len(kept):
+            blocks.append((int(a + kept[0]), int(a + kept[-1] + 1)))
+    return blocks
 
 
 def _windows(allowed: list[list[tuple[int, int]]], length: int) -> list[np.ndarray]:
