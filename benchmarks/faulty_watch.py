@@ -40,6 +40,7 @@ class Watch(Listening):
         self.hear_reports(self._on_report)
         self._start = self.node.create_client(Trigger, "reference/start")
         self._request = Trigger.Request()
+        self.begin()
 
     def _on_state(self, data: bytes) -> None:
         _, _, speed, torque = self._wire.read(data)

@@ -20,7 +20,10 @@ class Report:
 
 
 class Listening:
-    """ROS, a node and its thread, from the first moment until `close`. Callbacks of `node` run in that thread."""
+    """ROS, a node and its thread, from `begin` until `close`. Callbacks of `node` run in that thread.
+
+    What the node subscribes to is made before `begin`: made under a waiting thread, it makes the middleware crash now and then.
+    """
 
     def __init__(self, name: str) -> None:
         import rclpy
@@ -32,6 +35,9 @@ class Listening:
         self.executor.add_node(self.node)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._spin)
+
+    def begin(self) -> None:
+        """Start the thread."""
         self._thread.start()
 
     def _spin(self) -> None:
@@ -57,7 +63,8 @@ class Listening:
         import rclpy
 
         self._over.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self.node.destroy_node()
         rclpy.try_shutdown()
 

@@ -193,6 +193,7 @@ class Listener(Listening):
         super().__init__("listener")
         self.node.create_subscription(JointState, "joint_states", self._on_state, COLLECT, raw=True)
         self.hear_reports(self._on_report)
+        self.begin()
 
     def _on_state(self, data: bytes) -> None:
         state = self._wire.read(data)

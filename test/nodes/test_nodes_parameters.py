@@ -59,7 +59,7 @@ def test_every_parameter_is_described(together: Callable[..., Any], name: str) -
         ("velocity_proportional", float("nan"), "velocity_proportional"),
         ("velocity_proportional", -1.0, "velocity_proportional"),
         ("torque_limit", float("inf"), "torque_limit"),
-        ("clock", "sundial", "lock_step"),
+        ("clock", "sundial", "read-only"),
         ("feed_back", 3, "BOOL"),
         ("axis", "nowhere.yaml", "no such file"),
     ],

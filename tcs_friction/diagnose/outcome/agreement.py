@@ -35,6 +35,7 @@ from tcs_friction.diagnose.fit.noise_estimate import noise_floor
 
 FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
+AROUND_AN_ORDER = 0.125  # of what is left: it would have to be in a few lines for more of it to be around one order
 LEAST_LEFT = 2e-3  # of the noise power, that nobody would see: what one name out of all needs in 15 000 independent samples
 
 
@@ -66,8 +67,11 @@ class Agreement:
         return gone / (gone + left)
 
 
-def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit) -> Agreement:
-    """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted."""
+def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, wave: bool = False) -> Agreement:
+    """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted.
+
+    wave: whether it is one, which can be a part of no more than what is left around its order.
+    """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
     white = [noise.whitening.apply(x, balance.samples) * np.sqrt(noise.local_weight) for x in (before, after)]
@@ -79,7 +83,7 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit) -> Agreement:
     seen = size * level > 0.0
     multiples, variances = together[seen] / size[seen], 1.0 / (size[seen] * level)
     mean, deviation = random_effects(multiples, variances)
-    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after))
+    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, AROUND_AN_ORDER if wave else 1.0))
 
 
 def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
@@ -100,10 +104,13 @@ def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, fl
     return mean, math.sqrt(max(scatter, 1.0) / float(weights.sum()))
 
 
-def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray) -> float:
-    """Share that is gone of the power beyond noise, on held-out data; on train data where none are held out."""
+def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray, share: float) -> float:
+    """Share that is gone of the power beyond noise, on held-out data; on train data where none are held out.
+
+    share: of what is left, that the effect could be a part of.
+    """
     held = balance.held_out if balance.held_out.any() else balance.train
     floor = noise_floor(balance, after) ** 2
     gone = max(rms(before[held]) ** 2 - rms(after[held]) ** 2, 0.0)
-    left = max(rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR) * floor, LEAST_LEFT * floor)
+    left = max(share * (rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR) * floor), LEAST_LEFT * floor)
     return gone / (gone + left)

@@ -32,6 +32,7 @@ from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Surve
 STARTS = 2  # of each law that are fitted jointly
 FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of the best start of each law
 CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
+LONGEST_BRISTLE = 0.1  # of the travel: what bends over more of it is a spring or gravity
 LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts that was zero
 
 
@@ -189,7 +190,7 @@ def _judged(
 ) -> LawCandidate:
     """What a fit with another law is worth beside the base, confirmed in more than one piece of the data.
 
-    A law whose new values the recording cannot show is worth nothing.
+    A law whose new values the recording cannot show, or whose bristles are springs, is worth nothing.
     """
     extra = max(len(fit.free) - len(base.free), 1)
     before, after = squares_as_fitted(balance, base), squares_as_fitted(balance, fit)
@@ -197,6 +198,7 @@ def _judged(
     gain = float(base.squares - fit.squares) / dispersion
     needed = threshold(balance, [fit.axis.friction.term], extra, alternatives)
     grown = after.plain.sum() > PLAIN_GROWTH * before.plain.sum()
+    spring = fit.axis.bristle > LONGEST_BRISTLE * view.span
     new = [
         p.name
         for p in fit.axis.friction.term.parameters
@@ -204,6 +206,7 @@ def _judged(
     ]
     if (
         grown
+        or spring
         or not within_search(fit.axis.friction, view, new)
         or float(gains.sum() - gains.max()) < chance(extra, alternatives)
     ):

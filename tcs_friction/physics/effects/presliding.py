@@ -54,6 +54,10 @@ def rate(values: Mapping[str, float], inertia: float) -> float:
     return spring_rate(values["stiffness"], values["damping"], inertia)
 
 
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    return "what bends over so much of the travel is no bristle" if survey.level / values["stiffness"] > 0.1 * survey.span else ""
+
+
 def of_law(values: Mapping[str, float]) -> Mapping[str, float]:
     return {name: values[name] for name in ("stiffness", "damping") if name in values}
 
@@ -75,6 +79,7 @@ TERM = Term(
     rank=-1,
     scan=scan,
     of_law=of_law,
+    implausible=implausible,
     needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS}),
     rate=rate,
 )
