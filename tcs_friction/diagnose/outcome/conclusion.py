@@ -33,7 +33,6 @@ from tcs_friction.physics.axis import Axis
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
 ABOVE_NOISE = 2.0  # noise floors, from which a residual is no noise whatever it looks like
-LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
 def conclude(balance: TorqueBalance, file: AxisFile, explanation: Explanation) -> Diagnosis:

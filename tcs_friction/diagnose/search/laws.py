@@ -70,17 +70,15 @@ class Lack:
     gain: float
 
 
-def other_laws(axis: Axis) -> list[Term]:
-    """The laws that can take the place of an axis' own: they have all of its features, and the load is no part of them.
+def unloaded_laws() -> list[Term]:
+    """The laws of which the load is no part: what grows with the load is an effect of its own."""
+    return [term for term in laws().values() if "torque" not in term.reads]
 
-    What grows with the load is an effect of its own.
-    """
+
+def other_laws(axis: Axis) -> list[Term]:
+    """The laws that can take the place of an axis' own: they have all of its features."""
     own = axis.friction.term
-    return [
-        term
-        for term in laws().values()
-        if term is not own and term.features >= own.features and "torque" not in term.reads
-    ]
+    return [term for term in unloaded_laws() if term is not own and term.features >= own.features]
 
 
 def law_candidates(
@@ -125,7 +123,7 @@ def law_without_memory(balance: TorqueBalance, retuned: Fit, believed: Axis) -> 
 
     balance: of a data set in which nothing is compared where such friction is unknown.
     """
-    terms = [term for term in laws().values() if term.without_memory and "torque" not in term.reads]
+    terms = [term for term in unloaded_laws() if term.without_memory]
     fits = [candidate.fit for candidate in law_candidates(balance, retuned, terms, believed)]
     best = min(fits, key=lambda fit: fit.squares - retuned.squares)
     earned = (best.squares - retuned.squares) / retuned.squares.dispersion
@@ -218,7 +216,7 @@ def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[
     """What a believed law lacks of the law of a fit, and the fit; with a simpler law where that does as well."""
     better, found = fit.axis.friction.term, list[Lack]()
     for effect, features in missing_features(better, believed.friction.term).items():
-        simpler = [law for law in laws().values() if not law.features & features and "torque" not in law.reads]
+        simpler = [law for law in unloaded_laws() if not law.features & features]
         fits = [candidate.fit for candidate in law_candidates(balance, fit, simpler, believed)]
         without = min(fits, key=lambda one: one.squares - fit.squares)
         gain = (without.squares - fit.squares) / fit.squares.dispersion

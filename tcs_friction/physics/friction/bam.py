@@ -10,8 +10,8 @@ from typing import Any
 
 from tcs_friction.physics.friction.coulomb_viscous import static_friction, viscous_rate
 from tcs_friction.physics.friction.lugre import COULOMB, STATIC, STRIBECK_VELOCITY, VISCOUS_COEFFICIENT
-from tcs_friction.physics.friction.stribeck_static import stribeck_fall
-from tcs_friction.physics.terms import TORQUE, VELOCITY, Feature, Parameter, Place, Term, kernel
+from tcs_friction.physics.friction.stribeck_static import EXPONENT, stribeck_fall
+from tcs_friction.physics.terms import TORQUE, VELOCITY, Parameter, Place, Term, kernel
 
 
 @kernel
@@ -32,15 +32,7 @@ TERM = Term(
         STATIC,
         STRIBECK_VELOCITY,
         VISCOUS_COEFFICIENT,
-        Parameter(
-            "exponent",
-            "",
-            "shape of the Stribeck curve",
-            lower=0.2,
-            upper=4.0,
-            default=2.0,
-            feature=Feature.STRIBECK,
-        ),
+        EXPONENT,
         Parameter(
             "load",
             "",

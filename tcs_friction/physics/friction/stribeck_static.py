@@ -45,6 +45,10 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     ]
 
 
+EXPONENT = Parameter(
+    "exponent", "", "shape of the Stribeck curve", lower=0.2, upper=4.0, default=2.0, feature=Feature.STRIBECK
+)
+
 TERM = Term(
     id="stribeck_static",
     place=Place.LAW,
@@ -54,15 +58,7 @@ TERM = Term(
         STATIC,
         STRIBECK_VELOCITY,
         VISCOUS_COEFFICIENT,
-        Parameter(
-            "exponent",
-            "",
-            "shape of the Stribeck curve",
-            lower=0.2,
-            upper=4.0,
-            default=2.0,
-            feature=Feature.STRIBECK,
-        ),
+        EXPONENT,
     ),
     kernel=friction,
     reads=(),
