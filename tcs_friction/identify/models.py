@@ -59,11 +59,6 @@ def depends_on_law(axis: Axis) -> bool:
     return any(item.term.place in (Place.SCALE, Place.SENSOR) for item in axis.effects)
 
 
-def memoryless(axis: Axis) -> bool:
-    """Whether the friction law has no state, so that at rest it only bounds the torque."""
-    return axis.friction.term.state_size(axis.friction.values, 1.0) == 0
-
-
 def evaluated(axis: Axis, motion: Motion) -> np.ndarray:
     """`machine.evaluate` (n, 8) over every stretch on its own; one that starts sliding starts with a bristle that is."""
     return Walk(axis, motion).run()

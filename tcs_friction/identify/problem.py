@@ -13,7 +13,6 @@ from tcs_friction.identify.models import (
     LoadedModel,
     Model,
     background,
-    memoryless,
     model_for,
     reads_load,
 )
@@ -227,7 +226,7 @@ def _known(axis: Axis, model: Model, motion: Motion) -> tuple[np.ndarray, np.nda
     A law without memory is silent about the torque at rest, unless hardly anything else has been recorded.
     """
     explained = ~unsure_start(motion) if isinstance(model, AnyModel) else np.ones(len(motion), dtype=bool)
-    if not memoryless(axis):
+    if not axis.friction.term.without_memory:
         return explained, explained
     told = explained & ~at_rest(motion)
     return explained, told if told.mean() > LEAST_SLIDING else explained
@@ -261,7 +260,7 @@ def _fine(axis: Axis, motion: Motion) -> Fine | None:
 def settled(problem: Problem, unknowns: np.ndarray) -> Problem:
     """The same without the samples whose friction, by these unknowns (p,), depends on what was before the recording."""
     model, fine, values = problem.model, problem.fine, unknowns[: problem.law_size]
-    if not isinstance(model, AnyModel) or memoryless(problem.axis):
+    if not isinstance(model, AnyModel) or problem.axis.friction.term.without_memory:
         return problem
     sure = ~model.unsure(values)[problem.thin.centres]
     if fine is not None and isinstance(fine.model, AnyModel):

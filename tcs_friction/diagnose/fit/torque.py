@@ -82,7 +82,7 @@ class TorqueTerms:
             total += self._demand(axis, group, keep)
         return np.asarray(total)
 
-    def holding(self, axis: Axis) -> list[np.ndarray]:
+    def holding(self, axis: Axis) -> tuple[np.ndarray, ...]:
         """Torque (n,), N m, of the drive that neither the inertia nor another term takes up, at all samples of each stretch.
 
         Where the axis rests, friction without memory is this torque, up to its level.
@@ -92,13 +92,16 @@ class TorqueTerms:
             for item in axis.terms
             if item.term.place in (Place.OPPOSING, Place.BODY) and _stands_alone(item)
         ]
-        stretches = zip(
-            self.data.stretches, self._motion(axis, True)[1:], self._drive(axis, True)[2:], strict=True
-        )
-        return [
-            torque - axis.inertia * motion[2] - self._evaluate(axis, terms, s, motion, torque)
-            for s, motion, torque in stretches
-        ]
+
+        def compute() -> tuple[np.ndarray, ...]:
+            stretches = zip(self.data.stretches, self._motion(axis, True)[1:], self._drive(axis, True)[2:], strict=True)
+            return tuple(
+                torque - axis.inertia * motion[2] - self._evaluate(axis, terms, s, motion, torque)
+                for s, motion, torque in stretches
+            )
+
+        places = (terms, _at(axis, Place.SENSOR), _at(axis, Place.DRIVE))
+        return self.cache.get(("holding", axis.inertia, *map(_key, places)), compute)
 
     def friction(self, axis: Axis) -> np.ndarray:
         """Friction (n,), N m, and what acts through it."""
