@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+import tcs_friction.nodes  # noqa: F401 - says how messages travel, before anything of ROS is made
 from benchmarks.listening import Listening, Report, wait_until
 
 __all__ = ["wait_until"]
@@ -148,6 +149,14 @@ class Processes:
         self._processes[name].send_signal(signal.SIGKILL)
         self._processes.pop(name).wait()
 
+    def suspend(self, name: str) -> None:
+        """Stop it where it is, as a debugger or a machine without memory does."""
+        self._processes[name].send_signal(signal.SIGSTOP)
+
+    def resume(self, name: str) -> None:
+        """Let it go on."""
+        self._processes[name].send_signal(signal.SIGCONT)
+
     def interrupt(self, name: str) -> int:
         """As Ctrl-C does; the exit status."""
         self._processes[name].send_signal(signal.SIGINT)
@@ -161,6 +170,7 @@ class Processes:
 
     def close(self) -> None:
         for process in self._processes.values():
+            process.send_signal(signal.SIGCONT)
             process.terminate()
         for process in self._processes.values():
             try:

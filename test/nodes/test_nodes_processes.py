@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import time
 from typing import Any
 
 import numpy as np
@@ -117,3 +118,16 @@ def test_in_real_time_a_controller_without_reference_commands_zero_torque(proces
     assert wait_until(lambda: len(listener.states) > 50 and not any(state[3] for state in listener.states[-20:]), 30.0)
     assert wait_until(lambda: "no reference" in listener.health.get("controller", (0, ""))[1], 10.0)
     assert listener.health["controller"][0] == ERROR
+
+
+def test_a_node_that_was_suspended_hears_who_started_meanwhile(processes: Any, listener: Any) -> None:
+    start(processes)
+    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] > 2 * SECOND, 90.0)
+    processes.kill("plant")
+    processes.suspend("controller")
+    processes.start("plant", *ARGUMENTS)
+    assert wait_until(lambda: listener.states[-1][0] < SECOND, 60.0), processes.log("plant")
+    time.sleep(2.0)
+    processes.resume("controller")
+    back = len(listener.states)
+    assert wait_until(lambda: len(listener.states) > back + 200, 60.0), listener.health
