@@ -48,10 +48,6 @@ class ClockConfig:
     rate_limit: float = setting(0.9, "1", 0.0, 1.0, "real time: share of the ticks that must come")
     overrun_limit: float = setting(0.05, "1", 0.0, 1.0, "real time: share of the ticks that may be late")
 
-LOOK_FOR_RIVALS = 0.1  # s
-RIVALS_REMEMBERED = 1.0
-"""s after the last contradiction in which two publishers still count as rivals."""
-
 C = TypeVar("C", bound=ClockConfig)
 
 
@@ -82,9 +78,6 @@ class AxisNode(Node, Generic[C]):
         self._reported = ""
         self._said: dict[str, str] = {}
         self._warned, self._warned_at = "", -WARN_EVERY
-        self._watched: dict[str, Callable[[], float]] = {}
-        self.rivals: set[str] = set()
-        """Topics on which two publishers contradict each other."""
         self.config: C = parameters.declare(self, defaults(self.file))
         parameters.refuse_unknown(self)
         self.lock_step = self.config.clock == LOCK_STEP
@@ -121,35 +114,6 @@ class AxisNode(Node, Generic[C]):
     def hear_driver(self, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to joint_states, serialised, in whatever quality a driver publishes them."""
         self._driver = DriverWatch(self, callback, profile)
-
-    # Rivals, in real time
-
-    def watch_rivals(self, topic: str, contradicted: Callable[[], float]) -> None:
-        """Notice a second publisher of a topic that may have one only.
-
-        A publisher that was killed is remembered by discovery for a while, hence it takes a contradiction as well, heard at
-        the steady time that `contradicted` returns.
-        """
-        if not self._watched and not self.lock_step:
-            steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
-        self._watched[topic] = contradicted
-
-    def _look_for_rivals(self) -> None:
-        now = time.monotonic()
-        for topic, contradicted in self._watched.items():
-            count = self.count_publishers(topic)
-            if count < 2:
-                self.rivals.discard(topic)
-                self.health.well(f"rivals {topic}")
-                continue
-            found = self.get_publishers_info_by_topic(self.resolve_topic_name(topic))
-            names = ", ".join(sorted(f"{item.node_namespace.rstrip('/')}/{item.node_name}" for item in found))
-            if now - contradicted() < RIVALS_REMEMBERED:
-                self.rivals.add(topic)
-                self.health.fail(f"rivals {topic}", f"{count} publishers of {topic} contradict each other: {names}")
-            else:
-                self.rivals.discard(topic)
-                self.health.doubt(f"rivals {topic}", f"{count} publishers of {topic}: {names}")
 
     # Parameters
 

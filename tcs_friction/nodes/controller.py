@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.rivals import HeardInput, Rivals
 from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE
 
 COMPENSATION, OBSERVER = "friction_compensation", "friction_estimate"
@@ -73,9 +73,8 @@ class Controller(ManagedNode[ControllerConfig]):
         self.create_subscription(AxisReference, "reference", self._on_reference, LISTEN, raw=True)
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
         self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, LISTEN, raw=True)
-        self.watch_rivals("joint_states", lambda: self._state.contradicted)
-        for name, rule in self._answers.items():
-            self.watch_rivals(name, functools.partial(getattr, rule, "contradicted"))
+        heard: dict[str, HeardInput] = {"joint_states": self._state, **self._answers}
+        self.rivals = Rivals(self, heard)
 
     def configure(self, config: ControllerConfig) -> None:
         if config.period != self.config.period:
@@ -225,7 +224,7 @@ class Controller(ManagedNode[ControllerConfig]):
             self.health.fail("no reference", f"no reference within {self.config.age_limit:g} s: commanding zero torque")
         else:
             self.health.well("no reference")
-            if not self.rivals:
+            if not self.rivals.topics:
                 self._command_in_real_time(stamp, age / SECOND, elapsed)
                 return
         self._begin_anew(False)

@@ -29,6 +29,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.rivals import Rivals
 from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire
 from tcs_friction.physics.simulate import Simulator
@@ -86,7 +87,7 @@ class Plant(ManagedNode[PlantConfig]):
         self.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
         steady_timer(self, REPEAT_AFTER, self._repeat)
-        self.watch_rivals(COMMAND, lambda: self._answers.contradicted)
+        self.rivals = Rivals(self, {COMMAND: self._answers})
 
     hears = COMMAND
 
@@ -217,7 +218,7 @@ class Plant(ManagedNode[PlantConfig]):
             return "not active"
         if self._command is None or moment - self._commanded > self.config.watchdog:
             return f"no {COMMAND} for {self.config.watchdog:g} s"
-        return "contradicting commands" if self.rivals else ""
+        return "contradicting commands" if self.rivals.topics else ""
 
     def _advance(self, torque: float) -> None:
         self._applied = self._simulator.step(torque, self.config.temperature)

@@ -224,7 +224,7 @@ def test_two_controllers_are_named_and_the_axis_holds_zero_torque(together: Call
     plant = graph["plant"]
     publisher = graph.driver.create_publisher(AxisTorque, "torque_command", 10)
     rival = graph.driver.create_timer(0.01, lambda: publisher.publish(TORQUE.write(plant._stamp, 123.0)))
-    assert graph.until(lambda: "torque_command" in plant.rivals, 20.0)
+    assert graph.until(lambda: "torque_command" in plant.rivals.topics, 20.0)
     assert "/azimuth/controller" in plant.health.problem
     assert "/azimuth/driver" in plant.health.problem
     graph.for_seconds(0.1)
@@ -236,7 +236,7 @@ def test_two_controllers_are_named_and_the_axis_holds_zero_torque(together: Call
         applied.append(plant._torque_at(time.monotonic()))
     assert not any(applied)
     graph.driver.destroy_timer(rival)
-    assert graph.until(lambda: not plant.rivals, 20.0)
+    assert graph.until(lambda: not plant.rivals.topics, 20.0)
     assert graph.until(lambda: plant._ramp.value == 1.0, 20.0)
 
 
@@ -248,7 +248,7 @@ def test_two_plants_are_named_and_the_controller_commands_zero_torque(together: 
     publisher = graph.driver.create_publisher(JointState, "joint_states", 10)
     wire = JointWire("azimuth")
     graph.driver.create_timer(0.01, lambda: publisher.publish(wire.write(graph["plant"]._stamp - 5_000_000, 0.0, 0.0, 0.0)))
-    assert graph.until(lambda: "joint_states" in controller.rivals, 20.0)
+    assert graph.until(lambda: "joint_states" in controller.rivals.topics, 20.0)
     assert "2 publishers of joint_states contradict each other" in controller.health.problem
     watch = Watch(graph)
     graph.for_seconds(0.3)
