@@ -28,6 +28,10 @@ class TcsError(Exception):
         parts = [found, f"expected {expected}"] if expected else [found]
         super().__init__(one_line(f"{where}: {', '.join(parts)}"))
 
+    def __reduce__(self) -> tuple[type[TcsError], tuple[str, str, str]]:
+        """So that a process of a pool can hand it on."""
+        return type(self), (self.where, self.found, self.expected)
+
 
 class InputError(TcsError):
     """Wrong usage or bad input: a file, a key, a value. Exit status 2."""

@@ -1,8 +1,17 @@
-"""Names that do not exist are answered with those that do."""
+"""Errors pass between processes; names that do not exist are answered with those that do."""
 
 from __future__ import annotations
 
-from tcs_friction.errors import MOST_LISTED, nearest
+import pickle
+
+from tcs_friction.errors import MOST_LISTED, InputError, nearest
+
+
+def test_an_error_survives_the_way_to_another_process() -> None:
+    error = InputError("axis.yaml", "no inertia", "a number")
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is InputError
+    assert str(again) == str(error) == "axis.yaml: no inertia, expected a number"
 
 
 def test_the_most_alike_are_named() -> None:
