@@ -26,7 +26,7 @@ def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
         "bench",
         "faults",
         "--minutes",
-        "0.35",
+        "0.2",
         "--json",
     ]
     environment = os.environ | {
