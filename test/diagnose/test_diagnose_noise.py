@@ -78,7 +78,14 @@ def test_whitened_noise_has_variance_one_at_every_frequency(fitted: tuple[Torque
 def test_rows_keep_their_distance_from_what_is_held_out(fitted: tuple[TorqueBalance, Fit]) -> None:
     samples = fitted[0].samples
     for distance in (-samples.half_length, 0, samples.half_length):
-        assert samples.train[samples.rows + distance].all()
+        assert fitted[0].data.train[samples.rows + distance].all()
+
+
+def test_the_ends_of_a_recording_that_no_fit_sees_are_not_judged(fitted: tuple[TorqueBalance, Fit]) -> None:
+    samples = fitted[0].samples
+    train = np.flatnonzero(samples.train)
+    assert (train[0], train[-1]) == (samples.rows[0], samples.rows[-1])
+    assert train[0] >= samples.half_length
     assert not (samples.train & samples.held_out).any()
 
 

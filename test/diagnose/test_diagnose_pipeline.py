@@ -20,6 +20,13 @@ def test_nothing_is_named_for_a_torque_that_is_not_logged() -> None:
     assert diagnose([recording], telescope_file().with_axis(plant)).verdict == "match"
 
 
+def test_a_run_that_begins_away_from_its_reference_matches() -> None:
+    """Full torque one way, then the other, within the first half second."""
+    recording, plant = telescope(drive_noise=0.2, speed=0.003, start=0.0, away=0.01)
+    assert np.abs(recording.torque).max() == plant.drive.limit
+    assert diagnose([recording], telescope_file().with_axis(plant)).verdict == "match"
+
+
 def test_alignment_is_no_wrong_parameter() -> None:
     """A torque is held for a period, so the logged one acts half of it early; the plant's own delay is stated."""
     recording, plant = telescope(drive_noise=0.05, speed=0.01)

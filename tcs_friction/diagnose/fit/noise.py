@@ -61,14 +61,24 @@ class ComparedSamples:
 
 
 def compared_samples(data: DataSet, half_length: int) -> ComparedSamples:
-    """The samples of a data set that count in a fit with a whitening filter of `half_length` samples on either side."""
+    """The samples of a data set that count in a fit with a whitening filter of `half_length` samples on either side.
+
+    What begins or ends a recording, closer to its end than the filter's length, is in no row: no fit sees how the drive begins
+    or stops there. It is not judged either.
+    """
     usable = data.train | data.resting
     inside = [
         ndimage.minimum_filter1d(usable[a:b].astype(np.uint8), 2 * half_length + 1, mode="constant").astype(bool)
         for a, b in itertools.pairwise(data.ends)
     ]
-    rows = np.nonzero(np.concatenate(inside) & data.train)[0]
-    return ComparedSamples(data.dt, data.cutoff, data.ends, data.train, data.held_out, data.piece, half_length, rows)
+    fitted = np.concatenate(inside) & data.train
+    train = data.train.copy()
+    for a, b in itertools.pairwise(data.ends):
+        seen = np.flatnonzero(fitted[a:b])
+        if len(seen):
+            train[a : a + seen[0]] = train[a + seen[-1] + 1 : b] = False
+    rows = np.flatnonzero(fitted)
+    return ComparedSamples(data.dt, data.cutoff, data.ends, train, data.held_out, data.piece, half_length, rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,6 +51,8 @@ def narrowest(survey: Survey) -> float:
 
 
 def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    if values["amplitude"] < 0.0:
+        return "it would push where it ought to drag"
     if values["width"] < narrowest(survey):
         return "it turns over within the travel of a bristle"
     return "it does not turn over within the travel" if TWICE * values["width"] > survey.span else ""
