@@ -78,10 +78,14 @@ def test_train_and_held_out_data_never_touch(values: list[bool], edge: int, star
 
 def test_a_start_is_unknown_until_the_axis_has_moved_over_the_memory() -> None:
     position = np.linspace(0.0, 1.0, 101)
-    assert unknown(position, 0.0) == 0
-    assert unknown(position, 0.055) == 6
-    assert unknown(-position, 0.055) == 6
-    assert unknown(position, MOST_UNKNOWN + 0.05) == 0
+    assert unknown([position], 0.0) == [0]
+    assert unknown([position, -position], 0.055) == [6, 6]
+    assert unknown([position], MOST_UNKNOWN + 0.05) == [0]
+
+
+def test_a_short_stretch_that_never_moves_so_far_is_unknown_as_a_whole() -> None:
+    position = np.linspace(0.0, 1.0, 101)
+    assert unknown([position, 0.05 * position[:20]], 0.1) == [10, 20]
 
 
 def test_a_start_that_lasts_too_long_is_compared() -> None:

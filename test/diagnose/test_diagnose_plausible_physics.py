@@ -118,6 +118,7 @@ def test_a_motion_that_never_turns_back_has_the_period_of_a_turn() -> None:
     [
         ("warmup_drift", {"dry": 0.2, "time_constant": 15.0}, Doubt.IMPLAUSIBLE),  # the motion comes back every 10 s
         ("warmup_drift", {"dry": 0.2, "time_constant": 60.0}, None),
+        ("warmup_drift", {"dry": -0.2, "viscous": 0.1, "time_constant": 60.0}, Doubt.IMPLAUSIBLE),  # dry friction rises
         ("cable_hysteresis", {"amplitude": 4.0, "width": 3e-3}, Doubt.IMPLAUSIBLE),  # a bristle's
         ("cable_hysteresis", {"amplitude": 4.0, "width": 0.05}, None),
         ("cable_hysteresis", {"amplitude": -4.0, "width": 0.05}, Doubt.IMPLAUSIBLE),  # no cable pushes the axis on

@@ -21,7 +21,7 @@ SHARE = 0.25  # of the data, held out
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 MOST_BLOCKS = 16  # four of them held out: more would cost more gaps and show little more
 BLOCK_EDGES = 5.0  # a block is at least so many times as long as the gap that is left between two
-MOST_UNKNOWN = 0.1  # of a stretch, that may be left out because friction remembers what was before
+MOST_UNKNOWN = 0.25  # of all data, that may be left out because friction remembers what was before: as much as is held out
 
 Mask = NDArray[np.bool_]
 
@@ -57,11 +57,14 @@ def divided(mask: Mask, edge: int, unknown: int = 0) -> tuple[Mask, Mask]:
     return usable & ~gap, usable & mask
 
 
-def unknown(position: np.ndarray, memory: float) -> int:
-    """Samples of a stretch until its positions (n,) have spread over `memory` (rad), 0 if that takes too many of them.
+def unknown(positions: Sequence[np.ndarray], memory: float) -> list[int]:
+    """Samples of each stretch until its positions (n,) have spread over `memory` (rad); 0 for all if they are too many together.
 
-    What was before a stretch is not recorded, and friction remembers it until the axis has moved so far.
+    What was before a stretch is not recorded, and friction remembers it until the axis has moved so far. A stretch that never
+    moves so far is unknown as a whole.
     """
-    spread = np.maximum.accumulate(position) - np.minimum.accumulate(position)
-    count = int(np.searchsorted(spread, memory))
-    return count if count < MOST_UNKNOWN * len(position) else 0
+    counts = []
+    for position in positions:
+        spread = np.maximum.accumulate(position) - np.minimum.accumulate(position)
+        counts.append(int(np.searchsorted(spread, memory)))
+    return counts if sum(counts) < MOST_UNKNOWN * sum(map(len, positions)) else [0] * len(counts)

@@ -131,9 +131,10 @@ def _divided(
     edge = math.ceil(max(EDGE_PERIODS / band.cutoff, EDGE_SECONDS) / dt)
     numbers = hold_out.blocks([len(position) for position in positions], edge)
     masks = hold_out.held_out(sources, numbers) if some else [np.zeros(len(block), bool) for block in numbers]
+    unknown = hold_out.unknown(positions, memory)
     stretches = []
-    for part, position, mask, block in zip(parts, positions, masks, numbers, strict=True):
-        train, kept = hold_out.divided(mask, edge, hold_out.unknown(position, memory))
+    for part, mask, block, first in zip(parts, masks, numbers, unknown, strict=True):
+        train, kept = hold_out.divided(mask, edge, first)
         moves = ~part["resting"][:: band.stride]
         stretches.append(Stretch(**part, train=train & moves, held_out=kept & moves, piece=block))
     return tuple(stretches)

@@ -20,6 +20,7 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
+RISING = -0.1  # of what falls: friction that rises by more while the axis warms up is no warm-up
 SLOW = 2.0  # periods of the motion, so that friction is seen at the same places and speeds while it falls
 
 
@@ -39,7 +40,10 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
 
 
 def implausible(values: Mapping[str, float], survey: Survey) -> str:
-    return "it is fast against the motion" if values["time_constant"] < SLOW * survey.period else ""
+    if values["time_constant"] < SLOW * survey.period:
+        return "it is fast against the motion"
+    rising, falling = sorted((values["dry"], values["viscous"]))
+    return "friction rises while the axis warms up" if rising < RISING * max(falling, 0.0) else ""
 
 
 TERM = Term(
