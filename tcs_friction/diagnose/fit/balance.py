@@ -50,7 +50,7 @@ class TorqueBalance:
         self.train, self.held_out = self.samples.train, self.samples.held_out
         self.torque_size = rms(data.joined("torque")[self.train])
         self.terms = TorqueTerms(data)
-        self.repeatable = RepeatablePart(data)
+        self.repeatable = RepeatablePart(data, self.train)
 
     @property
     def alignment_leeway(self) -> float:

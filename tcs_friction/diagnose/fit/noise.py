@@ -20,6 +20,8 @@ from scipy import fft, ndimage
 from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias
 
+MOST_TRIMMED = 0.01  # of the train data: the ends of a recording of minutes are less
+
 
 @dataclass(frozen=True, eq=False)
 class ComparedSamples:
@@ -64,7 +66,7 @@ def compared_samples(data: DataSet, half_length: int) -> ComparedSamples:
     """The samples of a data set that count in a fit with a whitening filter of `half_length` samples on either side.
 
     What begins or ends a recording, closer to its end than the filter's length, is in no row: no fit sees how the drive begins
-    or stops there. It is not judged either.
+    or stops there. It is not judged either, unless that would be more than MOST_TRIMMED of the train data.
     """
     usable = data.train | data.resting
     inside = [
@@ -77,6 +79,8 @@ def compared_samples(data: DataSet, half_length: int) -> ComparedSamples:
         seen = np.flatnonzero(fitted[a:b])
         if len(seen):
             train[a : a + seen[0]] = train[a + seen[-1] + 1 : b] = False
+    if train.sum() < (1.0 - MOST_TRIMMED) * data.train.sum():
+        train = data.train
     rows = np.flatnonzero(fitted)
     return ComparedSamples(data.dt, data.cutoff, data.ends, train, data.held_out, data.piece, half_length, rows)
 

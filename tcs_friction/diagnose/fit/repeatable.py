@@ -22,9 +22,9 @@ FEWEST_NODES, MOST_NODES = 4, 24  # over the position
 class RepeatablePart:
     """Projection of series (n,) over the compared samples onto what the train data's motion can repeat."""
 
-    def __init__(self, data: DataSet) -> None:
-        self.train = data.train
-        self.columns = _columns(data, self.train)
+    def __init__(self, data: DataSet, train: np.ndarray) -> None:
+        self.train = train
+        self.columns = _columns(data, train)
         size = np.sqrt(np.asarray(self.columns.multiply(self.columns).mean(axis=0))).ravel()
         self.columns = self.columns @ sparse.diags_array(1.0 / np.where(size > 0.0, size, 1.0))
         self.inverse = linalg.pinvh((self.columns.T @ self.columns).toarray(), rtol=1e-7)

@@ -16,7 +16,7 @@ import numpy as np
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
-from tcs_friction.diagnose.outcome.agreement import agreement_on
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
@@ -26,7 +26,7 @@ from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Role
 
-NAMED = 0.8  # probability from which an effect is named; below it, it is only described
+NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
@@ -90,6 +90,7 @@ class _Proof:
         agreement = agreement_on(self.balance, fit, alone, bool(item.term.periodic))
         if not item.term.collides:  # no collision comes at its exact time: pieces scatter, and as much may be left
             certainty *= agreement.probability
+        left = rms(before[held]), rms(after[held])
         return Found(
             instance=item,
             equivalent=equivalent,
@@ -97,11 +98,11 @@ class _Proof:
             parameters=parameters,
             where=where(item, fit.axis),
             torque_rms=rms(torque),
-            before=rms(before[held]),
-            after=rms(after[held]),
+            before=left[0],
+            after=left[1],
             delta_bic=penalty - gain,
             agreement=agreement,
-            established=certainty >= NAMED,
+            established=certainty >= NAMED and left[1] <= (1.0 + FLOOR_ERROR) * left[0],
         )
 
     def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
