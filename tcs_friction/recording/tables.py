@@ -35,6 +35,7 @@ NAMES = {
 }
 """What a column of a spreadsheet may be called, in any case, with the unit in brackets or behind an underscore."""
 
+LONGEST = 1e9  # s, thirty years; times that are farther apart are in another unit
 _HEAD = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
 
 
@@ -139,7 +140,10 @@ def _recording(
     good = np.isfinite(times)
     if not good.all():
         notes.append(f"{np.count_nonzero(~good)} rows without a time left out")
-    stamps = EPOCH + np.rint((times[good] - np.min(times[good], initial=np.inf)) * 1e9).astype(np.int64)
+    since = times[good] - np.min(times[good], initial=np.inf)
+    if np.max(since, initial=0.0) > LONGEST:
+        raise InputError(str(path), f"times are {np.max(since):.3g} s apart", f"seconds, {LONGEST:g} at most")
+    stamps = EPOCH + np.rint(since * 1e9).astype(np.int64)
     found = {name: column for name, column in {**values, **others}.items() if name != "time"}
     topic = str(path)
     sources = {name: SignalSource(topic, name) for name in found if name in (*REQUIRED, *OPTIONAL)}

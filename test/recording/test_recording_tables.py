@@ -99,6 +99,13 @@ def test_bad_tables_are_refused_by_name(text: str, chosen: dict[str, str], said:
     assert "bad.csv" in str(caught.value)
 
 
+def test_times_that_cannot_be_seconds_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time [s],position [rad],torque [N m]\n0,0,0\n1e300,1,1\n")
+    with pytest.raises(InputError, match=r"a\.csv: times are 1e\+300 s apart, expected seconds, 1e\+09 at most"):
+        import_table(path, "azimuth", {})
+
+
 def test_other_suffixes_and_missing_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"suffix '.xlsx', expected \.csv or \.parquet"):
         export_table(recording(), tmp_path / "a.xlsx")
