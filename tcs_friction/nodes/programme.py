@@ -39,16 +39,18 @@ class Programme:
         reference, limit = load_reference(path), config.answer_limit
         lock_step, joint = config.clock == LOCK_STEP, self._node.file.axis.name
         heard = [*HEARD, "true_friction"] if config.simulated else HEARD
-        if config.simulated:
-            start = {"start_position": reference.at(0.0)[0], "run_until": 0.0} if lock_step else {}
-            await self._remotes.set("plant", start | {"truth": True}, limit)
         if not lock_step:
+            if config.simulated:
+                await self._remotes.set("plant", {"truth": True}, limit)
             await self._go_to_start(reference, config, wait)
             self._runs.begin(joint, reference.duration, heard)
         await self._remotes.set("reference", {"reference_file": str(path)}, limit)
+        if lock_step and config.simulated:  # the axis begins anew, and is answered, under the new reference
+            start = {"start_position": reference.at(0.0)[0], "run_until": 0.0, "truth": True}
+            await self._remotes.set("plant", start, limit)
         if lock_step:
             self._runs.begin(joint, reference.duration, heard)
-        if config.simulated and lock_step:
+        if lock_step and config.simulated:
             await self._remotes.trigger("plant/reset", limit)
             await self._remotes.set("plant", {"run_until": reference.duration}, limit)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
@@ -15,8 +16,10 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.srv import Diagnose, Identify, SetMode
 
+from tcs_friction.config import load_axis
 from tcs_friction.nodes.graph import GRAPH
 from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.recording.bags import read_recordings
 
 CANCELED = 5
 
@@ -147,6 +150,12 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     assert content["after"]["rms"] < content["before"]["rms"]
     names = {path.name for path in directory.iterdir()}
     assert {"before", "measure", "after", "identification.json", "axis.yaml", "report.html"} <= names
+    signals = load_axis(directory / "axis.yaml").signals
+    assert signals is not None
+    for name in ("before", "measure", "after"):
+        (run,) = read_recordings([directory / name], signals)
+        assert run.reference is not None
+        assert np.abs(run.reference - run.position).max() < 1e-3, f"{name} begins at its own reference"
 
 
 def test_a_cancelled_commissioning_leaves_the_mode_plain(together: Callable[..., Any], short: list[str]) -> None:
