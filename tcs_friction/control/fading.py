@@ -45,8 +45,8 @@ class FadingInput:
         """Whether the value is young enough at a stamp."""
         return self._stamp >= 0 and abs(stamp - self._stamp) <= self._limit * SECOND
 
-    def at(self, stamp: int) -> float:
-        """What to use at a stamp; to be asked at every tick."""
+    def at(self, stamp: int, wanted: bool = True) -> float:
+        """What to use at a stamp, faded in or out where it is `wanted` or not; to be asked at every tick."""
         elapsed = min(max(stamp - self._asked, 0) / SECOND, self._limit) if self._asked >= 0 else 0.0
         self._asked = stamp
-        return self._value * self._ramp.toward(self.fresh(stamp), elapsed)
+        return self._value * self._ramp.toward(wanted and self.fresh(stamp), elapsed)

@@ -244,9 +244,8 @@ class Controller(ManagedNode[ControllerConfig]):
     def _command_in_real_time(self, stamp: int, late: float, elapsed: float) -> None:
         """The torque for a reference that is `late` seconds old."""
         self._pid.share_limit(self._ramp.toward(self.active, elapsed))
-        added = self._faded[COMPENSATION].at(stamp) if self.config.compensator else 0.0
-        if self.config.feed_back:
-            added += self._faded[OBSERVER].at(stamp)
+        added = self._faded[COMPENSATION].at(stamp, self.config.compensator)
+        added += self._faded[OBSERVER].at(stamp, self.config.feed_back)
         position, velocity, acceleration = self._reference
         position += velocity * late + 0.5 * acceleration * late * late
         self._command(stamp, position, velocity + acceleration * late, acceleration, added)

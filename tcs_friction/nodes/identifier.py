@@ -87,7 +87,7 @@ class Identifier(AxisNode[IdentifierConfig]):
             self.health.ticks += 1
 
     def _on_state(self, data: bytes) -> None:
-        if not len(self._series) and self._live.append(data):
+        if len(self._series) or self._live.append(data):
             self.health.ticks += 1
 
     async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:

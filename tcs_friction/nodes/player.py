@@ -26,6 +26,7 @@ from tcs_friction.errors import InputError, TcsError, nearest
 from tcs_friction.nodes.bag_topics import message_class, publisher_profile
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.plain_node import PlainNode
+from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.definitions import Channel, full_name
 from tcs_friction.recording.play import Message, as_cdr, first_time, in_log_order
@@ -136,7 +137,7 @@ class PlayerNode(PlainNode[PlayerConfig]):
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if self.config.clock_rate else None
         self.get_logger().info(f"ready to play {self.config.bag}")
         self._finished = threading.Event()
-        self.create_timer(POLL, self._look)
+        steady_timer(self, POLL, self._look)
         self._thread = threading.Thread(target=self._play, daemon=True)
         self._thread.start()
 

@@ -153,3 +153,21 @@ def test_an_input_that_stops_fades_out_and_comes_back_slowly() -> None:
     assert used[1090] == 80.0
     assert used[1700] == 0.0
     assert used[-1] == 80.0
+
+
+def test_what_is_switched_off_fades_and_comes_back_slowly() -> None:
+    faded = FadingInput(age_limit=0.1, fade_time=0.5)
+
+    def after(begin: float, wanted: bool) -> float:
+        """What is used a quarter of a second later, asked every 10 ms."""
+        for tick in range(25):
+            stamp = round((begin + 0.01 * tick) * 1e9)
+            faded.put(200.0, stamp)
+            used = faded.at(stamp, wanted)
+        return used
+
+    assert after(0.0, True) == pytest.approx(96.0)
+    assert after(0.25, True) == pytest.approx(196.0)
+    assert after(0.5, False) == pytest.approx(96.0)
+    assert after(0.75, False) == 0.0
+    assert after(1.0, True) == pytest.approx(100.0)
