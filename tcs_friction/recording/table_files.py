@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 import csv
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ MAX_COLUMNS = 4096
 MAX_NAME = 256
 """Characters of a column's name."""
 
-RUN_BY_SPREADSHEETS = ("=", "+", "-", "@", "\t", "\r")
+RUN_BY_SPREADSHEETS = ("=", "+", "-", "@", "\t", "\r", "\n")
 """What a text cell begins with that a spreadsheet runs as a formula (OWASP, CSV injection)."""
 
 
@@ -153,8 +154,9 @@ def _checked(names: Sequence[str], path: Path) -> Sequence[str]:
     if len(names) > MAX_COLUMNS or any(len(name) > MAX_NAME for name in names):
         found = f"{len(names)} columns, the longest name of {max(map(len, names))} characters"
         raise InputError(str(path), found, f"at most {MAX_COLUMNS} columns and {MAX_NAME} characters")
-    if len(set(names)) < len(names):
-        raise InputError(str(path), "columns with the same name", "a name for each column")
+    twin = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twin is not None:
+        raise InputError(str(path), f"{names.count(twin)} columns with the same name {twin!r}", "a name for each column")
     return names
 
 

@@ -83,7 +83,7 @@ def test_a_spreadsheet_in_other_units_and_commas(tmp_path: Path) -> None:
         ("", {}, "0 lines"),
         ("t,position\n0,1\n1,2\n", {}, "no torque, expected a column of that name, or --column torque=COLUMN"),
         ("t,position,torque\n0,1\n", {}, "row 2: 2 cells, expected 3"),
-        ("t,t,torque\n0,1,2\n", {}, "columns with the same name"),
+        ("t,t,torque\n0,1,2\n", {}, "2 columns with the same name 't', expected a name for each"),
         ("t,position [furlong],torque\n0,1,2\n1,2,3\n", {}, "holds the position in 'furlong', expected one of rad"),
         ("t,a,b\n0,1,2\n1,2,3\n", {"position": "a", "torque": "c"}, "no column 'c', expected"),
         ("t,a,b\n0,1,2\n1,2,3\n", {"positon": "a"}, "no signal 'positon', expected position"),
