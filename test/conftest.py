@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,23 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """One line about what was left out."""
     if MISSING:
         terminalreporter.line(f"test/nodes left out: no {' and no '.join(MISSING)}; ./tcs test brings them")
+
+
+def domains() -> Iterator[int]:
+    """ROS domains that no other worker of this run uses: each has its own share of 1 to 100."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    share = 100 // max(int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")), worker + 1)
+    return itertools.cycle(1 + worker * share + (os.getpid() + k) % share for k in range(share))
+
+
+DOMAINS = domains()
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test has a ROS domain to itself: a killed node of the one before is remembered there for many seconds."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next(DOMAINS)))
 
 
 @pytest.fixture(scope="session")

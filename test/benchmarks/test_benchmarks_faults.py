@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import signal
 import subprocess
@@ -17,6 +16,7 @@ from benchmarks.listening import wait_until
 from tcs_friction.nodes.wire import JointWire
 
 
+@pytest.mark.usefixtures("ros_domain")
 def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
     command = [
         sys.executable,
@@ -29,11 +29,7 @@ def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
         "0.2",
         "--json",
     ]
-    environment = os.environ | {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=250, env=environment, check=False)
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=250, check=False)
     assert ended.returncode == 0, ended.stderr
     results = {entry["name"]: entry for entry in json.loads(ended.stdout)["results"]}
     assert sum(entry["value"] for name, entry in results.items() if name.startswith("faults")) >= 2
@@ -42,9 +38,8 @@ def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
     assert results["inputs refused"]["value"] > 0
 
 
-def test_a_node_that_ends_by_itself_is_named_with_its_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+@pytest.mark.usefixtures("ros_domain")
+def test_a_node_that_ends_by_itself_is_named_with_its_last_words() -> None:
     loop = Loop(0)
     try:
         loop.start("dob")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
 import subprocess
@@ -19,16 +18,12 @@ from benchmarks.listening import Listening, Report, wait_until
 
 __all__ = ["wait_until"]
 
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-DOMAINS = itertools.cycle(1 + (37 * os.getpid() + k) % 100 for k in range(100))  # far apart for processes of one run
-
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(autouse=True)
-def domain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each test has a ROS domain to itself: a killed node of the one before is remembered there for many seconds."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(next(DOMAINS)))
+def domain(ros_domain: None) -> None:
+    """Every test here."""
 
 
 class Together:

@@ -50,24 +50,24 @@ def test_processes_compute_what_one_process_computes(processes: Any, listener: A
 
 
 @pytest.mark.parametrize(
-    ("victim", "witness", "words"),
+    ("victim", "words"),
     [
-        ("dob", "controller", "friction_estimate"),
-        ("lugre_compensator", "controller", "friction_compensation"),
-        ("reference", "controller", "reference"),
-        ("controller", "plant", "torque_command"),
+        ("dob", "friction_estimate"),
+        ("lugre_compensator", "friction_compensation"),
+        ("reference", "no reference"),
+        ("controller", "torque_command"),
     ],
 )
 def test_a_killed_node_is_named_and_the_run_goes_on_when_it_is_back(
-    processes: Any, listener: Any, victim: str, witness: str, words: str
+    processes: Any, listener: Any, victim: str, words: str
 ) -> None:
+    """By who needed it: a node that is killed between two of its messages has served one of its hearers."""
     start(processes, "-p", "switch1:=true")
     assert wait_until(lambda: len(listener.states) > 200, 90.0)
     processes.kill(victim)
 
     def named() -> bool:  # an error of the start may still stand
-        level, message = listener.health.get(witness, (0, ""))
-        return bool(level == ERROR and words in message)
+        return any(level == ERROR and words in message for level, message in listener.health.values())
 
     assert wait_until(named, 30.0), listener.health
     stopped = len(listener.states)
@@ -76,7 +76,7 @@ def test_a_killed_node_is_named_and_the_run_goes_on_when_it_is_back(
     assert wait_until(lambda: len(listener.states) > stopped + 200, 60.0), listener.health
     stamps = np.diff([state[0] for state in listener.states])
     assert stamps.min() > 0, "the clock must not go back when the plant lived"
-    assert wait_until(lambda: listener.health[witness][0] != ERROR, 10.0)
+    assert wait_until(lambda: not named(), 10.0)
     assert all(np.isfinite(state[1:]).all() for state in listener.states)
 
 
