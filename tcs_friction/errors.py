@@ -28,9 +28,9 @@ class TcsError(Exception):
         parts = [found, f"expected {expected}"] if expected else [found]
         super().__init__(one_line(f"{where}: {', '.join(parts)}"))
 
-    def __reduce__(self) -> tuple[type[TcsError], tuple[str, str, str]]:
-        """So that a process of a pool can hand it on."""
-        return type(self), (self.where, self.found, self.expected)
+    def __reduce__(self) -> tuple[object, ...]:
+        """So that a process of a pool can hand it on, whatever its class is made from."""
+        return Exception.__new__, (type(self), *self.args), vars(self)
 
 
 class InputError(TcsError):

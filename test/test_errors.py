@@ -7,11 +7,22 @@ import pickle
 from tcs_friction.errors import MOST_LISTED, InputError, nearest
 
 
+class WrappedError(InputError):
+    """An error that is made from another one, as a node's is."""
+
+    def __init__(self, cause: InputError) -> None:
+        super().__init__(cause.where, "does not do")
+        self.cause = cause
+
+
 def test_an_error_survives_the_way_to_another_process() -> None:
     error = InputError("axis.yaml", "no inertia", "a number")
     again = pickle.loads(pickle.dumps(error))
     assert type(again) is InputError
     assert str(again) == str(error) == "axis.yaml: no inertia, expected a number"
+    wrapped = pickle.loads(pickle.dumps(WrappedError(error)))
+    assert type(wrapped) is WrappedError
+    assert (str(wrapped), wrapped.where, str(wrapped.cause)) == ("axis.yaml: does not do", "axis.yaml", str(error))
 
 
 def test_the_most_alike_are_named() -> None:

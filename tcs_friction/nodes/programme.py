@@ -45,12 +45,13 @@ class Programme:
             await self._go_to_start(reference, config, wait)
             self._runs.begin(joint, reference.duration, heard)
         await self._remotes.set("reference", {"reference_file": str(path)}, limit)
-        if lock_step and config.simulated:  # the axis begins anew, and is answered, under the new reference
+        if not lock_step:
+            return
+        if config.simulated:  # the axis begins anew, and is answered, under the new reference
             start = {"start_position": reference.at(0.0)[0], "run_until": 0.0, "truth": True}
             await self._remotes.set("plant", start, limit)
-        if lock_step:
-            self._runs.begin(joint, reference.duration, heard)
-        if lock_step and config.simulated:
+        self._runs.begin(joint, reference.duration, heard)
+        if config.simulated:
             await self._remotes.trigger("plant/reset", limit)
             await self._remotes.set("plant", {"run_until": reference.duration}, limit)
 
