@@ -5,6 +5,5 @@ import os
 os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 """Fast DDS otherwise passes messages through shared memory, which a killed or stopped process leaves in disorder.
 
-The survivors then may no longer hear each other (eProsima/Fast-DDS issues 2811 and 5469). UDP on the loopback is as fast:
-`./tcs bench graph`.
+The survivors then may no longer hear each other (eProsima/Fast-DDS issues 2811 and 5469). What UDP costs: docs/real-time.md.
 """
