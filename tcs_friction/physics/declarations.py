@@ -56,6 +56,11 @@ class Local:
     width: str = "width"
 
 
+def never_turns(_: float) -> Sequence[tuple[float, float]]:
+    """Of an axis that never turns back."""
+    return ()
+
+
 @dataclass(frozen=True)
 class Survey:
     """What a recording can show: from it an effect proposes values of its SHAPE parameters to start a search from.
@@ -63,8 +68,9 @@ class Survey:
     travel: lowest and highest position. slow, fast: speeds that the axis moves at (5th and 99th percentile). duration: s.
     start: time of the first sample, s. cutoff: highest frequency with a signal, Hz. resolution: noise of the position.
     inertia, level: the axis' inertia and dry friction. bristle: travel over which that friction turns over, 0 without bristles.
-    cycle: rad of phase per unit of position at order 1. turns: when it turns back, from the last motion one way until friction is
-    built up the other way, s. period: time in which the motion usually comes back, s; inf if it never does.
+    cycle: rad of phase per unit of position at order 1. turns: for a travel over which friction builds up, when the axis turns
+    back, from the last motion one way until that friction is built up the other way, s. period: time in which the motion usually
+    comes back, s; inf if it never does.
     """
 
     travel: tuple[float, float]
@@ -78,7 +84,7 @@ class Survey:
     level: float
     bristle: float
     cycle: float = 1.0
-    turns: tuple[tuple[float, float], ...] = ()
+    turns: Callable[[float], Sequence[tuple[float, float]]] = never_turns
     period: float = 0.0
 
     @property

@@ -140,6 +140,8 @@ def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, F
     doubted = [replace(one, gain=0.0) for one in contests]
     assert concluded(fitted, *doubted).verdict is Verdict.UNEXPLAINED, "what is not established is described"
     assert {one.effect for one in concluded(fitted, *doubted).described} == {"torque_bias", "coulomb_asymmetry"}
+    spare = [replace(one, without=improved) for one in doubted]
+    assert concluded(fitted, *spare).verdict is Verdict.MATCH, "nothing is missed without them, however large they are"
     far = concluded(fitted, improved=retuned)
     assert far.verdict is Verdict.UNEXPLAINED, "nothing is named, and far more than noise is left"
     assert far.unexplained.where is not None

@@ -137,12 +137,13 @@ class _Conclusion:
         """Structure that remains; where none is found, a residual far above the noise is structure in time.
 
         What a coarse encoder's steps may imitate, louder in slow motion than in fast, is none. Effects that are described only
-        belong to what remains, if they are larger than what the noise floor is known to.
+        belong to what remains, if more is missed without them than the noise floor is known to.
         """
         left = self._structure(errors, floor)
-        torque = math.hypot(left.torque_rms, *(one.torque_rms for one in described))
-        if not described or torque**2 < FLOOR_ERROR * floor**2:
+        missed = math.hypot(*(one.missed_without for one in described))
+        if not described or missed**2 < FLOOR_ERROR * floor**2:
             return left
+        torque = math.hypot(left.torque_rms, missed)
         largest = dict(described[0].where)
         return Unexplained(True, torque, {**largest, "coordinates": [largest["coordinate"]]})
 

@@ -53,6 +53,11 @@ class Found:
         """Its id in the vocabulary."""
         return self.instance.term.id
 
+    @property
+    def missed_without(self) -> float:
+        """Rms of what is missed without it, the rest refitted, N m; its own torque is larger where the rest can stand for it."""
+        return math.sqrt(max(self.before**2 - self.after**2, 0.0))
+
     def to_mapping(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
         content: dict[str, Any] = {

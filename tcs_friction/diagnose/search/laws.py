@@ -75,10 +75,14 @@ def unloaded_laws() -> list[Term]:
     return [term for term in laws().values() if "torque" not in term.reads]
 
 
-def other_laws(axis: Axis) -> list[Term]:
-    """The laws that can take the place of an axis' own: they have all of its features."""
+def other_laws(axis: Axis, excluded: frozenset[str] = frozenset()) -> list[Term]:
+    """The laws that can take the place of an axis' own: they have all of its features.
+
+    excluded: ids of effects that the data cannot carry; a law that differs by what such an effect stands for is none.
+    """
     own = axis.friction.term
-    return [term for term in unloaded_laws() if term is not own and term.features >= own.features]
+    better = [term for term in unloaded_laws() if term is not own and term.features >= own.features]
+    return [term for term in better if not any(effect.id in excluded for effect in missing_features(term, own))]
 
 
 def law_candidates(
@@ -188,7 +192,7 @@ def _judged(
 ) -> LawCandidate:
     """What a fit with another law is worth beside the base, confirmed in more than one piece of the data.
 
-    A law whose new values the recording cannot show, or whose bristles are springs, is worth nothing.
+    A law whose new parts the recording cannot show, or that are like no friction, is worth nothing.
     """
     extra = max(len(fit.free) - len(base.free), 1)
     before, after = squares_as_fitted(balance, base), squares_as_fitted(balance, fit)
@@ -196,20 +200,25 @@ def _judged(
     gain = float(base.squares - fit.squares) / dispersion
     needed = threshold(balance, [fit.axis.friction.term], extra, alternatives)
     grown = after.plain.sum() > PLAIN_GROWTH * before.plain.sum()
-    spring = fit.axis.bristle > LONGEST_BRISTLE * view.span
-    new = [
-        p.name
-        for p in fit.axis.friction.term.parameters
-        if not base.axis.friction.values.get(p.name, 0.0) > 0.0
-    ]
     if (
         grown
-        or spring
-        or not within_search(fit.axis.friction, view, new)
+        or _implausible(base.axis.friction, fit.axis.friction, view)
         or float(gains.sum() - gains.max()) < chance(extra, alternatives)
     ):
         gain = min(gain, 0.0)
     return LawCandidate(fit, gain, needed)
+
+
+def _implausible(own: Instance, law: Instance, view: Survey) -> bool:
+    """Whether the recording cannot show what another law has that an axis' own lacks, or that is like no friction."""
+    view = replace(view, level=law.values[law.term.level.name])
+    if law.term.bristle(law.values) > LONGEST_BRISTLE * view.span:
+        return True
+    new = [p.name for p in law.term.parameters if not own.values.get(p.name, 0.0) > 0.0]
+    if not within_search(law, view, new):
+        return True
+    parts = [completing(effect, law) for effect in missing_features(law.term, own.term)]
+    return any(part.term.implausible(part.values, view) for part in parts)
 
 
 def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[Lack, ...]]:

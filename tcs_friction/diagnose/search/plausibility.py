@@ -14,7 +14,7 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.search.matched_filter import same_wave, wave_angle
+from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import IMPERFECT, chance
 from tcs_friction.physics.axis import Axis
@@ -50,6 +50,7 @@ class Doubt(enum.Enum):
     COLLISIONS = "collisions that do not come at their exact time look like it"
     NOT_WHOLE = "its order does not close with the turn"
     DRIVEN = "the motion has its frequency"
+    STEADY = "the axis moves so steadily that a wave over its position looks like it"
     CANCELLED = "other effects cancel it"
     IMPLAUSIBLE = "such an effect cannot be told in such a motion"
     NOT_RESOLVED = "the recording cannot show it with such values"
@@ -82,6 +83,8 @@ def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis
         return Doubt.NOT_WHOLE
     if item.term.periodic == "time" and _driven(balance, fit, item):
         return Doubt.DRIVEN
+    if item.term.periodic == "time" and _steady(balance, fit.axis, item):
+        return Doubt.STEADY
     return Doubt.CANCELLED if _cancelled(balance, fit, item) else None
 
 
@@ -149,6 +152,17 @@ def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     return line**2 > LINE * beside and line > ANSWERED * own
 
 
+def _steady(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
+    """Whether a vibration's phase follows the position: its cause may be the axis itself then, a wave over the position."""
+    data, train = balance.data, balance.train
+    phase = 2.0 * math.pi * item.order * data.joined("t")[train]
+    angle = axis.cycle * data.joined("position")[train]
+    order = abs(float(np.cov(angle, phase)[0, 1])) / max(float(np.var(angle, ddof=1)), 1e-300)
+    parted = min(float(np.ptp(phase - way * order * angle)) for way in (1.0, -1.0))
+    wave = 2.0 * math.pi / max(order * axis.cycle, 1e-300)  # rad, of position
+    return parted < 2.0 * math.pi * ONE_WAVE and wave > max(_finest(balance), 2.0 * axis.bristle)
+
+
 def _cancelled(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     """Whether an effect's torque and those of others nearly add up to nothing: only their sum is known then."""
     others = [other for other in fit.axis.effects if other is not item]
@@ -190,8 +204,12 @@ def _sampled(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
     """Whether a wave over the position has enough periods in the travel, and the encoder enough steps in a period."""
     once = 2.0 * math.pi / (float(np.ptp(balance.data.joined("position"))) * axis.cycle)
     lowest, _ = item.term.orders(once, axis.kind == "rotary")
-    finest = RESOLVED_PERIOD * max(balance.data.position_step, balance.data.position_noise)
-    return item.order > (1.0 - BELOW_SEARCH) * lowest and 2.0 * math.pi > item.order * axis.cycle * finest
+    return item.order > (1.0 - BELOW_SEARCH) * lowest and 2.0 * math.pi > item.order * axis.cycle * _finest(balance)
+
+
+def _finest(balance: TorqueBalance) -> float:
+    """Shortest wave over the position that the encoder samples, rad."""
+    return RESOLVED_PERIOD * max(balance.data.position_step, balance.data.position_noise)
 
 
 def _out_of_range(balance: TorqueBalance, base: Axis, item: Instance) -> Doubt | None:

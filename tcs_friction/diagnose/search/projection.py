@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -113,7 +114,7 @@ def survey(balance: TorqueBalance, axis: Axis) -> Survey:
         level=axis.friction.values[axis.friction.term.level.name],
         bristle=axis.bristle,
         cycle=axis.cycle,
-        turns=turns(data, axis.bristle),
+        turns=partial(turns, data),
         period=period(data, axis),
     )
 

@@ -91,7 +91,7 @@ def select_effects(
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
         best = _worth_adding(balance, base, fit, candidates)
         if law_is_open or best is None or any(item.term.features for item in best.items):
-            law = _better_law(balance, fit, believed, 0.0 if best is None else best.score)
+            law = _better_law(balance, fit, believed, excluded, 0.0 if best is None else best.score)
             law_is_open = law is not None and number < MOST_LAWS
             if law is not None:
                 base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
@@ -120,7 +120,9 @@ def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Seque
     return best
 
 
-def _better_law(balance: TorqueBalance, fit: Fit, believed: Axis, score: float) -> Fit | None:
+def _better_law(
+    balance: TorqueBalance, fit: Fit, believed: Axis, excluded: frozenset[str], score: float
+) -> Fit | None:
     """The fit with another friction law that does as well as an effect with this score, None where there is none.
 
     Where the residual is as small as its noise no law is looked for.
@@ -128,7 +130,7 @@ def _better_law(balance: TorqueBalance, fit: Fit, believed: Axis, score: float) 
     found = misfit(balance, balance.residual(fit.axis, fit.noise))
     if found < 1.0 + NOISE_SHARE:
         return None
-    best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis), believed))
+    best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis, excluded), believed))
     return None if best is None or best.score < score - DISTINGUISHABLE * found else best.fit
 
 

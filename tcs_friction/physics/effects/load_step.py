@@ -25,7 +25,7 @@ def implausible(values: Mapping[str, float], survey: Survey) -> str:
     A turn lasts until friction is built up the other way; as much again on either side belongs to it, and what the filter blurs.
     """
     time, blur = values["time"], BLURRED / survey.cutoff
-    turning = any(2.0 * begin - end - blur < time < 2.0 * end - begin + blur for begin, end in survey.turns)
+    turning = any(2.0 * begin - end - blur < time < 2.0 * end - begin + blur for begin, end in survey.turns(survey.bristle))
     return "the axis turns back at that time" if turning else ""
 
 

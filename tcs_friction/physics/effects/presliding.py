@@ -26,6 +26,9 @@ from tcs_friction.physics.terms import (
     spring_rate,
 )
 
+LONGEST_BRISTLE = 0.1  # of the travel
+FEWEST_TURNS = 2  # there and back: a hysteresis loop
+
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -55,7 +58,10 @@ def rate(values: Mapping[str, float], inertia: float) -> float:
 
 
 def implausible(values: Mapping[str, float], survey: Survey) -> str:
-    return "what bends over so much of the travel is no bristle" if survey.level / values["stiffness"] > 0.1 * survey.span else ""
+    bristle = survey.level / values["stiffness"]
+    if bristle > LONGEST_BRISTLE * survey.span:
+        return "what bends over so much of the travel is no bristle"
+    return "such a bristle is hardly ever bent both ways" if len(survey.turns(bristle)) < FEWEST_TURNS else ""
 
 
 def of_law(values: Mapping[str, float]) -> Mapping[str, float]:

@@ -20,6 +20,8 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
+LARGEST_DROP = 4.0  # of Coulomb friction
+
 
 @kernel
 def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -33,6 +35,11 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
         {"stribeck_velocity": v}
         for v in geometric(max(survey.slow, 1e-4 * survey.fast), 0.3 * survey.fast, 8)
     ]
+
+
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    """Static friction is up to some two times Coulomb friction (Armstrong-Helouvry et al. 1994); far more is something else."""
+    return "friction at rest is not so much more than in sliding" if values["drop"] > LARGEST_DROP * survey.level else ""
 
 
 def of_law(values: Mapping[str, float]) -> Mapping[str, float]:
@@ -62,5 +69,6 @@ TERM = Term(
     coordinate="velocity",
     scan=scan,
     of_law=of_law,
+    implausible=implausible,
     needs=frozenset({Need.SPEEDS}),
 )
