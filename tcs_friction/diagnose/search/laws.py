@@ -40,12 +40,14 @@ LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's 
 class LawCandidate:
     """An axis with another friction law after a joint fit.
 
-    gain: drop of squares in units of the noise. threshold: gain that chance would give.
+    gain: drop of squares in units of the noise. threshold: gain that chance would give. plausible: whether the recording can show
+    what the law adds, and that is like friction.
     """
 
     fit: Fit
     gain: float
     threshold: float
+    plausible: bool
 
     @property
     def law(self) -> Term:
@@ -200,13 +202,14 @@ def _judged(
     gain = float(base.squares - fit.squares) / dispersion
     needed = threshold(balance, [fit.axis.friction.term], extra, alternatives)
     grown = after.plain.sum() > PLAIN_GROWTH * before.plain.sum()
+    plausible = not _implausible(base.axis.friction, fit.axis.friction, view)
     if (
         grown
-        or _implausible(base.axis.friction, fit.axis.friction, view)
+        or not plausible
         or float(gains.sum() - gains.max()) < chance(extra, alternatives)
     ):
         gain = min(gain, 0.0)
-    return LawCandidate(fit, gain, needed)
+    return LawCandidate(fit, gain, needed, plausible)
 
 
 def _implausible(own: Instance, law: Instance, view: Survey) -> bool:
@@ -222,16 +225,24 @@ def _implausible(own: Instance, law: Instance, view: Survey) -> bool:
 
 
 def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[Lack, ...]]:
-    """What a believed law lacks of the law of a fit, and the fit; with a simpler law where that does as well."""
+    """What a believed law lacks of the law of a fit, and the fit; with a simpler law where that does as well.
+
+    What another law that is no simpler does without has no gain of its own: these data cannot tell the two.
+    """
     better, found = fit.axis.friction.term, list[Lack]()
+
+    def loss(without: Fit) -> float:
+        return float(without.squares - fit.squares) / fit.squares.dispersion
+
     for effect, features in missing_features(better, believed.friction.term).items():
-        simpler = [law for law in unloaded_laws() if not law.features & features]
-        fits = [candidate.fit for candidate in law_candidates(balance, fit, simpler, believed)]
-        without = min(fits, key=lambda one: one.squares - fit.squares)
-        gain = (without.squares - fit.squares) / fit.squares.dispersion
-        if gain < threshold(balance, [better], max(len(fit.free) - len(without.free), 1)):
-            return lacks(balance, settle(balance, without.axis, without.noise, rounds=1), believed)
-        found.append(Lack(completing(effect, fit.axis.friction), without, gain))
+        others = [law for law in unloaded_laws() if not law.features & features]
+        candidates = law_candidates(balance, fit, others, believed)
+        fits = [one.fit for one in sorted(candidates, key=lambda one: (not one.plausible, loss(one.fit)))]
+        for simpler in fits:
+            needed = threshold(balance, [better], max(len(fit.free) - len(simpler.free), 1))
+            if simpler.axis.friction.term.features < better.features and loss(simpler) < needed:
+                return lacks(balance, settle(balance, simpler.axis, simpler.noise, rounds=1), believed)
+        found.append(Lack(completing(effect, fit.axis.friction), fits[0], loss(fits[0])))
     return fit, tuple(found)
 
 
