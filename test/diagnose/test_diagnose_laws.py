@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -15,18 +17,43 @@ from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Multisine, Reference
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.result import Verdict
 from tcs_friction.diagnose.pipeline import diagnose
-from tcs_friction.diagnose.search.laws import completing, missing_features, other_laws, starting_axes
+from tcs_friction.diagnose.search import laws
+from tcs_friction.diagnose.search.laws import (
+    LawCandidate,
+    _implausible,
+    completing,
+    lacks,
+    missing_features,
+    other_laws,
+    starting_axes,
+)
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
-from tcs_friction.physics.terms import Feature, instance
+from tcs_friction.physics.terms import Feature, Survey, Term, instance
 from tcs_friction.recording.recording import Recording
 
+SURVEY = Survey((-0.5, 0.5), 1e-5, 5e-3, 0.0, 80.0, 20.0, 5e-8, 1000.0, 60.0, 0.0)
 VALUES = LUGRE | {"exponent": 2.0}
+
+
+class FakeSquares(float):
+    """Squares of a fit whose dispersion is one."""
+
+    dispersion = 1.0
+
+
+class FakeFit(NamedTuple):
+    """What of a fit decides between laws."""
+
+    axis: Axis
+    squares: FakeSquares
+    free: tuple[int, ...]
+    noise: None = None
 
 
 def with_law(name: str, factor: float = 1.0) -> Axis:
@@ -84,6 +111,45 @@ def test_what_grows_with_the_load_takes_no_other_law() -> None:
     others = other_laws(own)
     assert own.friction.term not in others
     assert all(term.features >= own.friction.term.features and "torque" not in term.reads for term in others)
+
+
+def test_a_law_with_what_the_data_cannot_carry_takes_no_place() -> None:
+    own = with_law("coulomb_viscous")
+    assert {term.id for term in other_laws(own, frozenset({"presliding"}))} == {"stribeck_static"}
+    assert other_laws(own, frozenset({"presliding", "stribeck"})) == []
+
+
+@pytest.mark.parametrize(
+    ("turns", "changed", "worth"),
+    [
+        (8, {}, True),
+        (1, {}, False),  # bristles that are bent one way only
+        (8, {"static": 6000.0}, False),  # a hundred times the Coulomb friction
+        (8, {"stiffness": 60.0 / 0.2}, False),  # a bristle over a fifth of the travel
+    ],
+)
+def test_a_law_is_like_friction_and_shown_by_the_motion(turns: int, changed: dict[str, float], worth: bool) -> None:
+    view = replace(SURVEY, turns=lambda bristle: [(0.0, 1.0)] * turns if bristle < 0.01 else [])
+    rich = with_law("lugre").friction
+    assert _implausible(with_law("coulomb_viscous").friction, rich.replace(**changed), view) is not worth
+
+
+def test_two_laws_that_do_as_well_as_each_other_are_not_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each lacks what the other has, and both beat the believed one: neither part is established."""
+    squares = {"stribeck_static": 100.0, "dahl_viscous": 100.5, "coulomb_viscous": 900.0}
+
+    def fit_of(name: str) -> Fit:
+        return cast(Fit, FakeFit(with_law(name), FakeSquares(squares[name]), free=(0, 1, 2)))
+
+    def candidates(_: object, __: object, terms: Sequence[Term], ___: object) -> list[LawCandidate]:
+        return [LawCandidate(fit_of(term.id), 0.0, 10.0, plausible=True) for term in terms if term.id in squares]
+
+    monkeypatch.setattr(laws, "law_candidates", candidates)
+    monkeypatch.setattr(laws, "threshold", lambda *_: 10.0)
+    fit, found = lacks(cast(TorqueBalance, None), fit_of("stribeck_static"), with_law("coulomb_viscous"))
+    assert fit.axis.friction.term.id == "stribeck_static"
+    ((drop, without, gain),) = [(lack.effect, lack.without, lack.gain) for lack in found]
+    assert (drop.term.id, without.axis.friction.term.id, gain) == ("stribeck", "dahl_viscous", 0.5)
 
 
 def test_laws_start_from_what_they_share() -> None:

@@ -123,6 +123,10 @@ def test_a_motion_that_never_turns_back_has_the_period_of_a_turn() -> None:
         ("cable_hysteresis", {"amplitude": 4.0, "width": 0.05}, None),
         ("cable_hysteresis", {"amplitude": -4.0, "width": 0.05}, Doubt.IMPLAUSIBLE),  # no cable pushes the axis on
         ("load_step", {"step": 2.0, "time": 150.0}, None),
+        ("presliding", {"stiffness": 60.0 / 0.005}, None),
+        ("presliding", {"stiffness": 60.0 / 0.04}, None),
+        ("presliding", {"stiffness": 60.0 / 0.1}, Doubt.IMPLAUSIBLE),  # a fifth of the travel
+        ("stribeck", {"drop": 50.0, "stribeck_velocity": 0.01}, None),
     ],
 )
 def test_what_a_motion_cannot_show_is_not_named(name: str, values: dict[str, float], expected: Doubt | None) -> None:
@@ -168,6 +172,24 @@ def test_a_line_of_the_motion_is_no_vibration(shaken: float, expected: Doubt | N
     data = conditioned(np.random.default_rng(8), lambda m: 0.5 * np.sin(2.0 * np.pi * 6.0 * m.t), SECONDS)
     moved = with_torque(data, lambda t: shaken * np.sin(2.0 * np.pi * 6.0 * t + 1.0))
     assert doubted(moved, item("periodic_vibration", frequency=6.0, amplitude=0.5, phase=0.0)) is expected
+
+
+@pytest.mark.parametrize(("wobble", "expected"), [(0.0, Doubt.STEADY), (0.5, None)])
+def test_a_vibration_that_follows_the_position_may_be_a_wave_over_it(wobble: float, expected: Doubt | None) -> None:
+    """At 0.3 rad/s a vibration of 1.5 Hz is a wave of 31.4 periods a turn. `wobble`: rad, amplitude of an uneven motion."""
+    data = conditioned(np.random.default_rng(8), lambda m: 3.0 * np.sin(2.0 * np.pi * 1.5 * m.t), SECONDS)
+    (s,) = data.stretches
+    slow = 2.0 * np.pi * 0.1
+    even = replace(
+        s,
+        position=0.3 * s.t + wobble * np.sin(slow * s.t),
+        velocity=0.3 + wobble * slow * np.cos(slow * s.t),
+        acceleration=-wobble * slow**2 * np.sin(slow * s.t),
+    )
+    changed = {name: getattr(even, name) - getattr(s, name) for name in ("acceleration", "velocity")}
+    required = 900.0 * changed["acceleration"] + 60.0 * (1.0 - np.sign(s.velocity)) + 500.0 * changed["velocity"]
+    moved = replace(data, stretches=(replace(even, torque=s.torque + required),))
+    assert doubted(moved, item("periodic_vibration", frequency=1.5, amplitude=3.0, phase=0.0)) is expected
 
 
 @pytest.mark.parametrize(("order", "expected"), [(7.0, None), (7.55, Doubt.NOT_WHOLE)])

@@ -85,7 +85,7 @@ def select_effects(
     """
     fit, rounds = base, list[tuple[Candidate, ...]]()
     alternatives: dict[Kind, float] = {}
-    law_is_open = True
+    law_is_open, met = True, {_kinds(fit)}
     for number in range(MOST_EFFECTS + MOST_LAWS):
         progress(min(0.2 + 0.1 * number, 0.7), f"round {number + 1}: {len(fit.axis.effects)} effects")
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
@@ -107,9 +107,16 @@ def select_effects(
         fit = with_offsets_joined(balance, fit, retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)
-        if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
-            break
+        if _kinds(fit) in met or (len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit)):
+            break  # what was pruned again would come back in every further round
+        met.add(_kinds(fit))
     return Selection(retuned, base, fit, tuple(rounds))
+
+
+def _kinds(fit: Fit) -> frozenset[tuple[Kind, float]]:
+    """The friction law and the kinds of effects of a fit, waves with their orders to a hundredth."""
+    items = [fit.axis.friction, *fit.axis.effects]
+    return frozenset((kind_of(item), round(item.order, 2) if item.term.periodic else 0.0) for item in items)
 
 
 def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Sequence[Candidate]) -> Candidate | None:
