@@ -15,7 +15,9 @@ misses. Two questions do not:
    a over its standard error is Student's t with one degree of freedom less than there are pieces. Held-out pieces count like
    the others: nothing was fitted to them.
 2. How much of what was not explained before does it explain? An effect that is smaller than what is left may be a part of that.
-   The power that it explains over the power beyond noise that is left, squared, stands for the odds that it is none.
+   The power that it explains over the power beyond noise that is left stands for the odds that it is none. Names for what
+   another engine had made in another way explained 79 to 91 % of it, true ones 93 % and more
+   (`./tcs bench concealed --worlds mujoco`).
 
 Both together are the probability that a name is right, were there no others that these data cannot tell from it. How often
 names are right that are given with a probability is measured by `./tcs bench concealed`.
@@ -56,15 +58,9 @@ class Agreement:
     def probability(self) -> float:
         """That the effect is there, by agreement and by what it leaves."""
         if self.pieces < FEWEST_PIECES:
-            return self.outweighs
+            return self.explained
         t = self.multiple / max(self.deviation, 1e-300)
-        return self.outweighs * (1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1)))
-
-    @property
-    def outweighs(self) -> float:
-        """That it is no part of what is left: odds of the squared ratio of powers."""
-        gone, left = self.explained**2, (1.0 - self.explained) ** 2
-        return gone / (gone + left)
+        return self.explained * (1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1)))
 
 
 def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, wave: bool = False) -> Agreement:

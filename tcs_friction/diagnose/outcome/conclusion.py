@@ -116,11 +116,12 @@ class _Conclusion:
     ) -> Verdict:
         """What is left counts beside what the named effects explain, and a simulation with them has to move better.
 
-        Collisions are real though none comes at its exact time: what is left may be as large as they are.
+        Collisions are real though none comes at its exact time: what they leave is in time and as large as they are, or larger.
         """
         fit = self.explanation.improved
         explained = errors["retuned"].train ** 2 - errors["improved"].train ** 2
-        collisions = [f.torque_rms**2 for f in found if f.instance.term.collides]
+        in_time = unexplained.where is not None and unexplained.where["coordinates"] == ["time"]
+        collisions = [math.inf if in_time else f.torque_rms**2 for f in found if f.instance.term.collides]
         allowed = max([UNEXPLAINED_SHARE * explained, *collisions])
         if unexplained.present and (not found or unexplained.torque_rms**2 > allowed):
             return Verdict.UNEXPLAINED
