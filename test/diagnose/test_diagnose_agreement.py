@@ -57,9 +57,21 @@ def test_an_effect_that_is_there_agrees_and_one_that_is_not_does_not() -> None:
     balance, retuned = settled(conditioned(np.random.default_rng(3), lambda m: np.full(len(m.t), 4.0), seconds=80.0))
     bias = instance(effect("torque_bias"), {"bias": 4.0})
     there = unfitted(balance, axis().with_effect(bias), retuned.noise)
-    known = agreement_on(balance, there, retuned)
+    known = agreement_on(balance, there, retuned, bias)
     assert known.multiple == pytest.approx(1.0, abs=4.0 * known.deviation + 0.02)
     assert known.probability > 0.95
     drag = instance(effect("quadratic_drag"), {"coefficient": 30.0})
     more = unfitted(balance, there.axis.with_effect(drag), retuned.noise)
-    assert agreement_on(balance, more, there).probability < 0.5
+    assert agreement_on(balance, more, there, drag).probability < 0.5
+
+
+def test_an_event_in_held_out_data_is_not_judged_by_its_moment() -> None:
+    """The axis is loaded in the midst of a held-out block; the train data put the moment anywhere in that block."""
+    block = 80.0 / 16
+    begins = 6.5 * block
+    data = conditioned(np.random.default_rng(3), lambda m: 4.0 * (m.t >= begins), seconds=80.0)
+    balance, retuned = settled(data)
+    assert balance.held_out[np.searchsorted(data.joined("t"), begins)]
+    late = instance(effect("load_step"), {"step": 4.0, "time": begins + 0.45 * block})
+    known = agreement_on(balance, unfitted(balance, axis().with_effect(late), retuned.noise), retuned, late)
+    assert known.explained > 0.98

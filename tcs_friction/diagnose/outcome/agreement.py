@@ -34,6 +34,7 @@ from scipy import stats
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
+from tcs_friction.physics.terms import Instance
 
 FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
@@ -63,10 +64,10 @@ class Agreement:
         return self.explained * (1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1)))
 
 
-def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, wave: bool = False) -> Agreement:
+def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance) -> Agreement:
     """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted.
 
-    wave: whether it is one, which can be a part of no more than what is left around its order.
+    A wave can be a part of no more than what is left around its order.
     """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
@@ -79,7 +80,19 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, wave: bool = Fa
     seen = size * level > 0.0
     multiples, variances = together[seen] / size[seen], 1.0 / (size[seen] * level)
     mean, deviation = random_effects(multiples, variances)
-    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, AROUND_AN_ORDER if wave else 1.0))
+    share = AROUND_AN_ORDER if item.term.periodic else 1.0
+    judging = balance.held_out & ~_where_it_begins(balance, item)
+    held = judging if judging.any() else balance.train
+    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, held, share))
+
+
+def _where_it_begins(balance: TorqueBalance, item: Instance) -> np.ndarray:
+    """The pieces (n,) in which an event falls that has a time: where it fell in no train data its moment is not known so well."""
+    pieces, t = balance.samples.pieces, balance.data.joined("t")
+    if item.term.coordinate != "time" or item.extent is None:
+        return np.zeros(len(pieces), bool)
+    near = np.abs(t - item.extent[0]) < 1.0 / balance.data.cutoff
+    return np.isin(pieces, pieces[near])
 
 
 def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
@@ -100,12 +113,11 @@ def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, fl
     return mean, math.sqrt(max(scatter, 1.0) / float(weights.sum()))
 
 
-def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray, share: float) -> float:
-    """Share that is gone of the power beyond noise, on held-out data; on train data where none are held out.
+def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray, held: np.ndarray, share: float) -> float:
+    """Share that is gone of the power beyond noise, from residuals (n,) where `held` (n,) holds.
 
     share: of what is left, that the effect could be a part of.
     """
-    held = balance.held_out if balance.held_out.any() else balance.train
     floor = noise_floor(balance, after) ** 2
     gone = max(rms(before[held]) ** 2 - rms(after[held]) ** 2, 0.0)
     left = max(share * (rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR) * floor), LEAST_LEFT * floor)

@@ -87,7 +87,7 @@ class _Proof:
         held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
         penalty = count * math.log(self.balance.samples.effective_count)
         certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
-        agreement = agreement_on(self.balance, fit, alone, bool(item.term.periodic))
+        agreement = agreement_on(self.balance, fit, alone, item)
         if not item.term.collides:  # no collision comes at its exact time: pieces scatter, and as much may be left
             certainty *= agreement.probability
         left = rms(before[held]), rms(after[held])
