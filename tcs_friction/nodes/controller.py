@@ -65,7 +65,7 @@ class Controller(ManagedNode[ControllerConfig]):
         config = self.config
         self._pid = DoubleLoopPid(config, config.period)
         self._state = JointInput(self.health, self.lock_step)
-        self._answers = {name: AnswerRule(config.age_limit) for name in ("reference", COMPENSATION, OBSERVER)}
+        self._answers = {name: AnswerRule(self._state.recent) for name in ("reference", COMPENSATION, OBSERVER)}
         self._faded = {name: FadingInput(config.age_limit, config.ramp_time) for name in (COMPENSATION, OBSERVER)}
         self._ramp = Ramp(config.ramp_time)
         self.start()
@@ -85,8 +85,6 @@ class Controller(ManagedNode[ControllerConfig]):
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)
         self._ramp.duration = config.ramp_time
-        for rule in self._answers.values():
-            rule.configure(config.age_limit)
         for faded in self._faded.values():
             faded.configure(config.age_limit, config.ramp_time)
         if not self._lock_step:
@@ -181,7 +179,7 @@ class Controller(ManagedNode[ControllerConfig]):
         if not self._lock_step:
             if self._state.stamp < 0:
                 return False  # which states it is about is not known yet
-            objection = objection or self._answers[name].objection(stamp, numbers, self._state.stamp, now)
+            objection = objection or self._answers[name].objection(stamp, numbers, now)
         if objection:
             self.health.refuse(f"{name} refused: {objection}")
             return False
@@ -238,8 +236,6 @@ class Controller(ManagedNode[ControllerConfig]):
             faded.restart()
         if new_run:
             self._reference_stamp = -1
-            for rule in self._answers.values():
-                rule.restart()
 
     def _command_in_real_time(self, stamp: int, late: float, elapsed: float) -> None:
         """The torque for a reference that is `late` seconds old."""

@@ -62,7 +62,7 @@ class Dob(AxisNode[DobNodeConfig]):
         self._state = JointInput(self.health, self.lock_step)
         self._torque = 0.0  # held until the pending stamp
         self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
-        self._answers = AnswerRule(self.config.age_limit)
+        self._answers = AnswerRule(self._state.recent)
         self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
         self._commanded = CommandedTorque(self)
         self._calibration = CalibrationMemory()
@@ -81,7 +81,6 @@ class Dob(AxisNode[DobNodeConfig]):
         self._period_ns = round(config.period * SECOND)
         self._limit = config.largest_torque
         self._state.configure(self.file.axis.name, config)
-        self._answers.configure(config.age_limit)
         self._faded.configure(config.age_limit, config.ramp_time)
         if not self.lock_step:
             if config.compensator:
@@ -115,7 +114,7 @@ class Dob(AxisNode[DobNodeConfig]):
     def _take_in_real_time(self, stamp: int, numbers: tuple[float, ...]) -> str:
         """Why the compensator's torque cannot be used, "" when it is."""
         now = time.monotonic()
-        objection = self._answers.objection(stamp, numbers, self._state.stamp, now)
+        objection = self._answers.objection(stamp, numbers, now)
         if not objection:
             self._faded.put(numbers[0], stamp)
             if COMPENSATION in self.health.inputs:
@@ -155,7 +154,6 @@ class Dob(AxisNode[DobNodeConfig]):
         """Forget the past: a new run, or in real time a gap that no observer bridges."""
         self._observer.reset()
         self._shares.clear()
-        self._answers.restart()
         self._faded.restart()
         self._done = -1
 

@@ -113,7 +113,7 @@ def test_defaults_come_from_the_axis_file(together: Callable[..., Any]) -> None:
     graph = together(nodes=["controller", "plant"])
     assert graph["controller"].config.position_proportional == 32.7
     assert isinstance(graph["controller"].config, ControllerConfig)
-    assert graph["plant"].config.command_limit == 1e4
+    assert graph["plant"].config.torque_limit == 1e3
 
 
 HOSTILE = {

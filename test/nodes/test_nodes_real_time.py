@@ -208,10 +208,12 @@ def test_a_stale_command_is_not_obeyed(together: Callable[..., Any]) -> None:
     graph = together(*REAL_TIME, nodes=["plant"])
     plant = graph["plant"]
     graph.for_seconds(0.3)
-    for stamp in (0, plant._stamp - 10**9, plant._stamp + 10**9, UNREADABLE):
+    for stamp in (0, plant._stamp - 10**9, plant._stamp + 10**9, plant._stamp + 2 * 10**6, UNREADABLE):
         plant._on_command(TORQUE.write(max(stamp, 0), 500.0))
         graph.for_seconds(0.1)
-    assert plant.health.refused == 4
+    assert plant.health.refused == 5
+    plant._on_command(TORQUE.write(plant._stamp, 1000.1))
+    assert "torque_command (1000.1 N m was refused, the limit is 1000)" in plant.health.report(0.0).values()
     assert plant._simulator.velocity == pytest.approx(0.0, abs=1e-5)
     plant._on_command(TORQUE.write(plant._stamp, 500.0))
     assert graph.until(lambda: plant._simulator.velocity > 1e-4, 5.0)
@@ -224,8 +226,8 @@ def test_two_controllers_are_named_and_the_axis_holds_zero_torque(together: Call
     plant = graph["plant"]
     publisher = graph.driver.create_publisher(AxisTorque, "torque_command", 10)
     rival = graph.driver.create_timer(0.01, lambda: publisher.publish(TORQUE.write(plant._stamp, 123.0)))
-    assert graph.until(lambda: "torque_command" in plant.rivals.topics, 20.0)
-    assert "/azimuth/controller" in plant.health.problem
+    assert graph.until(lambda: "/azimuth/controller" in plant.health.problem, 20.0)
+    assert plant.rivals.topics == {"torque_command"}
     assert "/azimuth/driver" in plant.health.problem
     graph.for_seconds(0.1)
     assert plant._ramp.value == 0.0
@@ -247,12 +249,35 @@ def test_two_plants_are_named_and_the_controller_commands_zero_torque(together: 
     controller = graph["controller"]
     publisher = graph.driver.create_publisher(JointState, "joint_states", 10)
     wire = JointWire("azimuth")
-    graph.driver.create_timer(0.01, lambda: publisher.publish(wire.write(graph["plant"]._stamp - 5_000_000, 0.0, 0.0, 0.0)))
-    assert graph.until(lambda: "joint_states" in controller.rivals.topics, 20.0)
-    assert "2 publishers of joint_states contradict each other" in controller.health.problem
     watch = Watch(graph)
+    assert graph.until(lambda: controller.count_publishers("joint_states") == 2 and len(watch.torques) > 5, 20.0)
+    before = max(map(abs, watch.torques))
+    graph.driver.create_timer(0.01, lambda: publisher.publish(wire.write(graph["plant"]._stamp + 1_000_000, 3e-3, 0.0, 0.0)))
+    assert graph.until(lambda: "joint_states" in controller.rivals.topics, 20.0)
+    heard = len(watch.torques)
     graph.for_seconds(0.3)
-    assert not any(watch.torques[2:])
+    assert "2 publishers of joint_states contradict each other" in controller.health.problem
+    assert max(map(abs, watch.torques)) < before + 50.0, "never on a position 3 mrad away"
+    assert not any(watch.torques[heard + 2 :])
+
+
+def test_a_silent_second_controller_is_a_rival_once_it_cannot_be_a_dead_one(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tcs_friction_msgs.msg import AxisTorque
+
+    from tcs_friction.nodes import rivals
+
+    monkeypatch.setattr(rivals, "LEASE", 1.0, raising=False)
+    graph = running(together(*REAL_TIME))
+    plant = graph["plant"]
+    second = graph.driver.create_publisher(AxisTorque, "torque_command", 10)
+    assert graph.until(lambda: "2 publishers of torque_command: " in plant.health.warning, 5.0)
+    assert not plant.rivals.topics
+    assert graph.until(lambda: "2 publishers of torque_command, expected one: /azimuth/controller" in plant.health.problem, 5.0)
+    assert graph.until(lambda: "two publishers of torque_command" in plant.health.warning, 2.0)
+    graph.driver.destroy_publisher(second)
+    assert graph.until(lambda: plant._ramp.value == 1.0, 20.0)
 
 
 class Steady:
