@@ -104,6 +104,11 @@ def ranges(axis: Axis, controller: PidConfig) -> Ranges:
     )
 
 
+def heard_ranges(axis: Axis, controller: PidConfig | None) -> Ranges:
+    """The ranges for nodes that only listen: wide where nobody has said how the axis is controlled, which may be any machine."""
+    return Ranges(largest_speed=1e9, largest_torque=1e13) if controller is None else ranges(axis, controller)
+
+
 def compensation_limit(axis: Axis, controller: PidConfig) -> float:
     """Largest torque (N m) that makes sense as a compensation of friction."""
     share = max(OWN_SHARE * controller.torque_limit, FRICTION_MARGIN * dry_friction(axis))

@@ -16,6 +16,7 @@ from rclpy.qos import QoSProfile
 
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
+from tcs_friction.control.plausible import Ranges, heard_ranges
 from tcs_friction.errors import TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.driver import DriverWatch
@@ -25,7 +26,7 @@ from tcs_friction.nodes.steady import steady_timer
 
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
 _NUMBER = re.compile(r"\d+(\.\d+)?")
-LOGGED_STATES = ("phase", "life cycle")
+LOGGED_STATES = ("phase", "life cycle", "live recording")
 """Values of /diagnostics whose changes are in the log."""
 WARN_EVERY = 10.0
 """s between two lines of warnings in the log; /diagnostics has all of them."""
@@ -54,6 +55,11 @@ C = TypeVar("C", bound=ClockConfig)
 def control_of(file: AxisFile) -> Control:
     """How an axis file says to control its axis, or a cautious way where it does not say."""
     return file.control or default_control(file.axis)
+
+
+def heard_by_all(file: AxisFile) -> Ranges:
+    """What nodes that only listen take for plausible."""
+    return heard_ranges(file.axis, file.control.controller if file.control else None)
 
 
 def derived(kind: type[C], *sources: Any, **values: Any) -> C:

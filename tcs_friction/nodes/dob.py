@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,6 +31,8 @@ from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE
 
 COMPENSATION = "friction_compensation"
+READING_AGE = 2.0
+"""s by which a dynamometer's stamp may differ from that of the newest state: a gauge may take one second to answer."""
 
 
 @dataclass(frozen=True)
@@ -158,10 +159,25 @@ class Dob(AxisNode[DobNodeConfig]):
         self._done = -1
 
     def _on_dynamometer(self, message: WrenchStamped) -> None:
-        wrench = message.wrench
+        wrench, stamp = message.wrench, nanoseconds(message.header.stamp)
         torque = wrench.torque.z if self.file.axis.kind == "rotary" else wrench.force.x
-        if math.isfinite(torque):
-            self._calibration.reading(nanoseconds(message.header.stamp), torque)
+        objection = self.config.torque_objection(torque) or self._stamp_objection(stamp)
+        if objection:
+            self.health.refuse(f"dynamometer refused: {objection}")
+        else:
+            self._calibration.reading(stamp, torque)
+
+    def _stamp_objection(self, stamp: int) -> str:
+        """Why a reading cannot be of now. In lock-step stamps are simulated time, and an older one is another run."""
+        if stamp < 0:
+            return f"stamp of {stamp / SECOND:g} s is no time"
+        if self.lock_step:
+            return ""
+        away = (stamp - self._state.stamp) / SECOND
+        if abs(away) > READING_AGE:
+            side = "older" if away < 0.0 else "newer"
+            return f"stamp {abs(away):.6g} s {side} than the newest state, the limit is {READING_AGE:g} s"
+        return "stamp older than that of the one before" if stamp < self._calibration.last_reading else ""
 
     async def _calibrate(self, _: Trigger.Request, __: Trigger.Response, ___: Progress) -> str:
         """From what has been heard since the first reading; the parameters found are used at once."""

@@ -16,7 +16,8 @@ from tcs_friction.control.stamps import (
     RecentStates,
     Step,
 )
-from tcs_friction.nodes.health import Health
+from tcs_friction.nodes.driver import CommandedTorque
+from tcs_friction.nodes.health import Health, Level
 from tcs_friction.nodes.wire import JointWire
 
 TOPIC = "joint_states"
@@ -36,16 +37,22 @@ class Settings(Protocol):
     @property
     def largest_speed(self) -> float: ...
     @property
+    def largest_torque(self) -> float: ...
+    @property
     def largest_acceleration(self) -> float: ...
     @property
     def position_noise(self) -> float: ...
     def state_objection(self, position: float, speed: float) -> str: ...
+    def torque_objection(self, torque: float) -> str: ...
 
 
 class JointInput:
-    """The newest acceptable state of a joint. A driver that gives no speed gets the difference of its positions."""
+    """The newest acceptable state of a joint. A driver that gives no speed gets the difference of its positions.
 
-    def __init__(self, health: Health, lock_step: bool) -> None:
+    `level` says how bad it is in real time when none comes.
+    """
+
+    def __init__(self, health: Health, lock_step: bool, level: Level = Level.ERROR) -> None:
         self.stamp = -1
         self.position = self.speed = self.torque = math.nan
         self.contradicted = -math.inf
@@ -57,7 +64,7 @@ class JointInput:
         self._judge = self._rule.judge
         self._wire = JointWire("")
         if not lock_step:
-            health.expect(TOPIC)
+            health.expect(TOPIC, level)
 
     def configure(self, joint: str, config: Settings) -> None:
         """Another joint or other limits; what was heard stays."""
@@ -87,6 +94,17 @@ class JointInput:
             self.speed = speed
             self.torque = torque
         return step
+
+    def acted(self, commanded: CommandedTorque) -> float:
+        """Torque (N m) until the newest state, the command's where the driver gives none; NaN where none is known.
+
+        One that cannot be is refused with a report.
+        """
+        torque = self.torque if self.torque == self.torque else commanded.until(self.stamp)
+        if abs(torque) > self._config.largest_torque:
+            self._health.refuse(f"{TOPIC} refused: {self._config.torque_objection(torque)}")
+            return math.nan
+        return torque
 
     def _judge_in_real_time(self, stamp: int, position: float, speed: float) -> Step:
         now = time.monotonic()
