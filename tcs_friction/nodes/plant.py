@@ -178,7 +178,7 @@ class Plant(ManagedNode[PlantConfig]):
     def _on_timer(self) -> None:
         """Real time: all the periods that are over, under the torque that acted in each of them."""
         now, period = time.monotonic(), self.config.period
-        if not self.configured:
+        if not (self.configured or self._ramp.value):
             self._began = now - self._index * period
             return
         due = math.floor((now - self._began) / period)

@@ -334,6 +334,26 @@ def test_torque_comes_and_goes_slowly_and_ends_when_commands_end(
     assert "holding zero torque" in plant.health.warning
 
 
+def test_a_plant_that_is_shut_down_lets_the_torque_go_slowly_and_is_finalized(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lifecycle_msgs.srv import GetState
+
+    graph = together(*REAL_TIME, nodes=["plant"])
+    plant = graph["plant"]
+    clock = Steady(plant, monkeypatch)
+    ramp = 100.0 * PERIOD / plant.config.ramp_time
+    before = clock.run(60, 100.0)[-1]
+    plant.trigger_shutdown()
+    going = clock.run(60, 100.0)
+    assert max(abs(b - a) for a, b in itertools.pairwise([before, *going])) <= ramp + NOISE
+    assert going[25] == pytest.approx(50.0, abs=10.0)
+    assert going[-1] == pytest.approx(0.0, abs=NOISE)
+    assert plant.health.values["life cycle"] == "finalized"
+    assert "finalized: no torque until the node is started anew" in plant.health.warning
+    assert call(graph, GetState, "plant/get_state", GetState.Request()).current_state.label == "finalized"
+
+
 def test_no_torque_that_makes_a_fast_axis_faster(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     plant = together(*REAL_TIME, nodes=["plant"])["plant"]
     clock = Steady(plant, monkeypatch)
