@@ -156,6 +156,13 @@ def test_clock(play: Any) -> None:
     assert len(listener.clock) == pytest.approx(75, abs=2)
 
 
+def test_without_a_clock_it_plays_and_ends(play: Any) -> None:
+    """`use_sim_time` is set for all nodes, and nobody publishes /clock: ROS time stands still."""
+    _, listener, spin = play("use_sim_time:=true", "rate:=20.0", "delay:=0.5")
+    assert spin(lambda: len(listener.heard) >= 300)
+    assert spin(listener.ended.is_set, 5.0)
+
+
 def test_what_cannot_be_played_is_one_line(play: Any) -> None:
     with pytest.raises(InputError, match="no message on /b, expected /a"):
         play("topics:=[/b]")

@@ -204,6 +204,42 @@ def test_wild_inputs_of_the_controller_are_refused_and_a_lost_compensation_fades
     assert controller._state.stamp <= plant._stamp
 
 
+def test_a_lost_compensation_fades_out_of_the_command(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The axis stays at its reference, so that the command is the compensation. It stops after three seconds."""
+    from tcs_friction.nodes import controller as module
+    from tcs_friction.nodes import joint_input
+
+    controller = together(*REAL_TIME, "-p", "observer:=false", nodes=["controller"])["controller"]
+    commands: list[float] = []
+
+    class Outlet:
+        now = 100.0
+
+        def publish(self, data: bytes) -> None:
+            commands.append(TORQUE.read(data)[1][0])
+
+        def monotonic(self) -> float:
+            return self.now
+
+    outlet = Outlet()
+    monkeypatch.setattr(controller, "_publisher", outlet)
+    for part in (module, joint_input):
+        monkeypatch.setattr(part, "time", outlet)
+    for k in range(500):
+        outlet.now += PERIOD
+        stamp = 10**18 + round(k * PERIOD * 1e9)
+        controller._on_state(JointWire("azimuth").write(stamp, 0.0, 0.0, 0.0))
+        controller._on_reference(REFERENCE.write(stamp, 0.0, 0.0, 0.0))
+        if k < 300:
+            controller._on_compensation(TORQUE.write(stamp, 80.0))
+    slowest = 80.0 * PERIOD / controller.config.ramp_time
+    assert max(abs(b - a) for a, b in itertools.pairwise(commands)) <= slowest * 1.001
+    stopped = len(commands) - 200
+    assert commands[stopped] == 80.0
+    assert commands[stopped + 55] == pytest.approx(40.0, abs=5.0), "age_limit, and half of ramp_time"
+    assert commands[-1] == 0.0
+
+
 def test_a_stale_command_is_not_obeyed(together: Callable[..., Any]) -> None:
     graph = together(*REAL_TIME, nodes=["plant"])
     plant = graph["plant"]
