@@ -171,6 +171,10 @@ class RecentStates:
         """-1 before the first."""
         return self._order[-1] if self._order else -1
 
+    def may_come(self, stamp: int) -> bool:
+        """Whether a state of this stamp may come soon."""
+        return 0 <= self.newest < stamp <= self.newest + self._limit
+
     def __contains__(self, stamp: int) -> bool:
         return stamp in self._stamps
 
@@ -185,6 +189,7 @@ class AnswerRule:
 
     STRANGE = 3
     """One may be a message that was broken on its way, or late."""
+    MOST_WAITING = 10
 
     def __init__(self, states: RecentStates) -> None:
         self._states = states
@@ -192,6 +197,22 @@ class AnswerRule:
         self._last = -1
         self._values: tuple[float, ...] = ()
         self._strange: deque[float] = deque(maxlen=self.STRANGE)
+        self._waiting: list[tuple[int, bytes]] = []
+
+    def wait(self, stamp: int, data: bytes) -> bool:
+        """Keep an answer that has overtaken its state; False when it cannot have, or when too many are kept already."""
+        may = self._states.may_come(stamp) and len(self._waiting) < self.MOST_WAITING
+        if may:
+            self._waiting.append((stamp, data))
+        return may
+
+    def due(self) -> list[bytes]:
+        """The answers that were kept and are to be judged now: their state has come, or cannot come any more."""
+        if not self._waiting:
+            return []
+        ready = [data for stamp, data in self._waiting if not self._states.may_come(stamp)]
+        self._waiting = [(stamp, data) for stamp, data in self._waiting if self._states.may_come(stamp)]
+        return ready
 
     def objection(self, stamp: int, values: tuple[float, ...], now: float) -> str:
         """Why the answer may not be used, "" when it may."""

@@ -98,6 +98,8 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def _on_compensation(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
+        if not self.lock_step and self._answers.wait(stamp, data):
+            return
         plausible = -self._limit <= numbers[0] <= self._limit
         if not (plausible and self.lock_step):
             objection = "" if plausible else self.config.torque_objection(numbers[0])
@@ -129,6 +131,8 @@ class Dob(AxisNode[DobNodeConfig]):
         if step is REPEATED:
             self._repeat()
             return
+        for early in self._answers.due():
+            self._on_compensation(early)
         stamp, torque = self._state.stamp, self._state.torque
         if torque != torque:  # a driver that gives none
             torque = self._commanded.until(stamp)

@@ -172,6 +172,23 @@ def test_answers_to_no_state_contradict_when_there_are_more_of_them() -> None:
     assert rare.contradicted == -math.inf
 
 
+def test_an_answer_that_overtakes_its_state_waits_for_it() -> None:
+    recent = states(START)
+    rule = AnswerRule(recent)
+    assert not rule.wait(START, b"known")
+    assert not rule.wait(START + SECOND, b"far")
+    assert rule.wait(START + 10 * TICK, b"early")
+    assert rule.wait(START + 12 * TICK, b"strange")
+    assert rule.due() == []
+    recent.add(START + 10 * TICK)
+    assert rule.due() == [b"early"]
+    recent.add(START + 20 * TICK)
+    assert rule.due() == [b"strange"], "to be judged, and refused"
+    assert [rule.wait(START + (30 + k) * TICK, b"") for k in range(11)] == [True] * 10 + [False]
+    recent.add(START - SECOND)
+    assert len(rule.due()) == 10, "a new run"
+
+
 def test_two_answers_to_one_state_contradict_each_other() -> None:
     recent = states(START)
     rule = AnswerRule(recent)
