@@ -36,7 +36,8 @@ class Watch(Listening):
         self._speed_limit = motion_limits(file.axis, self._limits).speed_limit
         self._wire = JointWire(file.axis.name)
         self.speed = self.torque = self.stepped = 0.0
-        self._reference: tuple[int, float] | None = None
+        self._reference: tuple[int, float, float] | None = None
+        self._slows_down = False
         self._during = self._fastest = "the start"
         self._reports: dict[str, Report] = {}
         self._said: list[str] = []
@@ -65,11 +66,16 @@ class Watch(Listening):
                 self._counts.setdefault((name, counted), _Count()).add(int(report.values.get(counted, 0)))
 
     def _on_reference(self, data: bytes) -> None:
-        """From one stamp to the next it may go as fast as its limit says, or begin where the axis is."""
-        stamp, position, _, axis = self._wire.read(data)
-        before, self._reference = self._reference, (stamp, position)
-        if before is not None and stamp > before[0] and abs(position - axis) > BEGUN_AT:
-            self.stepped = max(self.stepped, abs(position - before[1]) * 1e9 / (stamp - before[0]))
+        """From one stamp to the next it goes no faster than its limit, unless it begins where the axis is, and with its speed."""
+        stamp, position, speed, axis = self._wire.read(data)
+        before, self._reference = self._reference, (stamp, position, abs(speed))
+        if before is None or stamp <= before[0]:
+            return
+        step = abs(position - before[1]) * 1e9 / (stamp - before[0])
+        if abs(position - axis) <= BEGUN_AT or (self._slows_down and step <= before[2]):
+            self._slows_down = abs(speed) > self._speed_limit
+        else:
+            self.stepped = max(self.stepped, step)
 
     # Questions
 

@@ -88,9 +88,14 @@ def test_the_judge_measures_steps_of_the_reference_and_counts_over_restarts() ->
     watch = Watch()
     try:
         wire, begin = watch._wire, 10**18
-        for tick, position, axis in ((0, 0.0, 0.0), (1, 1e-3, 0.0), (2, 0.5, 0.5), (3, 0.5, 0.4)):
-            watch._on_reference(wire.write(begin + tick * 10**7, position, 0.0, axis))
-        assert watch.stepped == pytest.approx(0.1), "it may begin where the axis is, however far that is"
+        def hear(*samples: tuple[int, float, float, float]) -> float:
+            for tick, position, speed, axis in samples:
+                watch._on_reference(wire.write(begin + tick * 10**7, position, speed, axis))
+            return watch.stepped
+
+        assert hear((0, 0.0, 0.0, 0.0), (1, 5e-4, 0.0, 0.0), (2, 0.5, 0.09, 0.5)) == pytest.approx(0.05)
+        assert hear((3, 0.50088, 0.085, 0.49)) == pytest.approx(0.05), "it may begin at the axis, and slow down from its speed"
+        assert hear((4, 0.5017, 0.07, 0.49), (5, 0.503, 0.07, 0.49)) == pytest.approx(0.13)
         for refused, sent in ((5, 2), (7, 3), (1, 0), (2, 4)):
             watch._on_report("plant", Report(0.0, 1, "", {REFUSED: str(refused)}))
             watch._on_report("controller", Report(0.0, 1, "", {GARBLED_COUNT: str(sent)}))

@@ -130,10 +130,11 @@ def test_pause_and_resume(play: Any) -> None:
     assert listener.numbers == list(range(300))
 
 
-def test_nothing_is_played_before_everybody_listens(play: Any) -> None:
+def test_nothing_is_played_before_everybody_listens(play: Any, capfd: pytest.CaptureFixture[str]) -> None:
     player, listener, spin = play("delay:=0.0", "subscribers:=2", "topics:=[/a]")
     assert not spin(lambda: bool(listener.heard), 0.7)
     assert player.condition()[0] == "waiting for subscribers of /a"
+    assert "waiting for 2 subscribers of /a; `topics` names what to play" in capfd.readouterr().err
     heard: list[float] = []
     listener.node.create_subscription(Float64, "/a", lambda m: heard.append(m.data), 1000)
     assert spin(lambda: len(heard) >= 300)

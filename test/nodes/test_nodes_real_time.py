@@ -204,6 +204,27 @@ def test_wild_inputs_of_the_controller_are_refused_and_a_lost_compensation_fades
     assert controller._state.stamp <= plant._stamp
 
 
+def test_internal_state_that_left_the_range_of_numbers_is_reset_with_a_report(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = ("controller", "dob", "lugre_compensator")
+    settings = ("switch1:=true", "switch3:=true", "compensator:=false", "observer:=false")
+    graph = together(*(word for setting in settings for word in ("-p", setting)), nodes=nodes)
+    controller, dob, compensator = (graph[name] for name in nodes)
+    for node, core in ((controller, "_pid"), (dob, "_observer"), (compensator, "_compensator")):
+        monkeypatch.setattr(getattr(node, core), "step", lambda *_: math.nan)
+    state, reference = JointWire("azimuth").write(0, 0.0, 0.0, 0.0), REFERENCE.write(0, 0.0, 0.0, 0.0)
+    for node in (controller, dob):
+        node._on_state(state)
+    for node in (controller, compensator):
+        node._on_reference(reference)
+    assert TORQUE.read(controller._message)[1] == TORQUE.read(compensator._message)[1] == (0.0,)
+    assert ESTIMATE.read(dob._message)[1][0] == 0.0
+    assert "left the range of numbers: reset" in controller.health.warning
+    assert "observer reset" in dob.health.warning
+    assert "compensation reset" in compensator.health.warning
+
+
 def test_a_lost_compensation_fades_out_of_the_command(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """The axis stays at its reference, so that the command is the compensation. It stops after three seconds."""
     from tcs_friction.nodes import controller as module
