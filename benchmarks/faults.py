@@ -6,8 +6,9 @@ each into a graph that is well and running.
 
 Checked all the time: the axis' true speed, the torque that acts and the steps of the reference stay within their limits.
 Checked of every fault: no other process ends of it, /diagnostics names it, afterwards all nodes are well and the loop begins its
-programme when told to; what a recorder wrote before it was killed can be read. Checked in the end: each node of the loop has refused what was sent to it garbled beyond doubt. What fails a check is
-named as soon as it is found, and the benchmark ends with status 1.
+programme when told to; what a recorder wrote before it was killed can be read. Checked in the end: each node of the loop has
+refused what was sent to it garbled beyond doubt. What fails a check is named as soon as it is found, and the benchmark ends
+with status 1.
 """
 
 from __future__ import annotations
