@@ -1,8 +1,9 @@
-"""The nodes of the loop in processes of their own; their publishers garble and double messages, a driver's clock steps."""
+"""Nodes in processes of their own; the publishers of the loop garble and double messages, a driver's clock steps."""
 
 from __future__ import annotations
 
 import faulthandler
+import importlib
 import multiprocessing
 import os
 import random
@@ -11,20 +12,29 @@ import signal
 import struct
 import sys
 import tempfile
+from collections.abc import Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from tcs_friction.nodes.graph import ending
+from benchmarks.faulty_companions import LISTENERS, Surroundings
+from tcs_friction.nodes.graph import LOOP, ending, node_names
 
-LOOP = ("plant", "reference", "lugre_compensator", "dob", "controller")
 PERIOD = 0.01
 """s; five Python processes hold 100 Hz on any machine."""
 GARBLED, DOUBLED = 0.01, 0.01
 """Shares of the messages."""
 CLOCK_STEP = 2.0  # s
-TRUE_STATES = "true_joint_states"
-"""What the axis does, for the judge alone."""
+TRUE_STATES, TRUE_REFERENCE = "true_joint_states", "true_reference"
+"""What the axis does, and the reference with the position of the axis that it was told: for the judge alone."""
+GARBLED_COUNT = "messages garbled beyond doubt"
+HEARS = {  # of which nodes each hears messages that may be garbled
+    "plant": ("controller",),
+    "reference": ("plant",),
+    "lugre_compensator": ("reference",),
+    "dob": ("plant", "lugre_compensator"),
+    "controller": ("plant", "reference", "lugre_compensator", "dob"),
+}
 PARAMETERS: dict[str, object] = {
     "clock": "real_time",
     "period": PERIOD,
@@ -42,14 +52,13 @@ PARAMETERS: dict[str, object] = {
     "sinusoid.period": 10.0,
     "sinusoid.duration": 1e6,
 }
+QUIET = ["faults", "--ros-args", "--log-level", "fatal"]
 
 
 def ros_arguments() -> list[str]:
     """The loop's parameters as arguments."""
-    words = ["faults", "--ros-args", "--log-level", "fatal"]
-    for name, value in PARAMETERS.items():
-        words += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-    return words
+    given = [f"{name}:={str(value).lower() if isinstance(value, bool) else value}" for name, value in PARAMETERS.items()]
+    return [*QUIET, *(word for entry in given for word in ("-p", entry))]
 
 
 class Loop:
@@ -60,17 +69,21 @@ class Loop:
 
     def __init__(self, seed: int) -> None:
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(["benchmarks.faulty_nodes", *(f"tcs_friction.nodes.{name}" for name in LOOP)])
+        modules = [f"tcs_friction.nodes.{name}" for name in node_names()]
+        self._context.set_forkserver_preload(["benchmarks.faulty_nodes", *modules])
         self._processes: dict[str, BaseProcess] = {}
         self._seed = seed
         self._folder = Path(tempfile.mkdtemp(prefix="tcs-friction-faults-"))
         self._died = False
+        self._beside = tempfile.TemporaryDirectory(prefix="tcs-friction-beside-")
+        self.surroundings = Surroundings(Path(self._beside.name))
 
     def start(self, name: str) -> None:
         """A node in a new process."""
         self._seed += 1
         self._words(name).unlink(missing_ok=True)
-        process = self._context.Process(target=run_node, args=(name, self._seed, self._words(name)), daemon=True)
+        given = [] if name in LOOP else self.surroundings.parameters(name)
+        process = self._context.Process(target=run_node, args=(name, self._seed, self._words(name), given), daemon=True)
         process.start()
         self._processes[name] = process
 
@@ -104,29 +117,36 @@ class Loop:
         for process in self._processes.values():
             process.kill()
             process.join()
+        self._beside.cleanup()
         if not self._died:
             shutil.rmtree(self._folder)
 
 
-def run_node(name: str, seed: int, words: Path) -> None:
-    """In a process of its own: one node with faulty publishers; `words` is the file that it complains in."""
+def run_node(name: str, seed: int, words: Path, given: Sequence[str]) -> None:
+    """In a process of its own: one node, of the loop with a faulty publisher; `words` is the file that it complains in."""
     from tcs_friction.nodes.executor import run
     from tcs_friction.nodes.graph import factory
 
     def make() -> Any:
         node = factory(name)()
         if name == "plant":
-            node._states = _TruthfulToo(node, node._states, random.Random(seed))
+            node._states = _TruthfulPlant(node, node._states, random.Random(seed))
             signal.signal(signal.SIGUSR1, lambda *_: _step_clock(node, CLOCK_STEP))
             signal.signal(signal.SIGUSR2, lambda *_: _step_clock(node, -CLOCK_STEP))
         else:
-            node._publisher = Faulty(node._publisher, random.Random(seed))
+            kind = _TruthfulReference if name == "reference" else Faulty
+            node._publisher = kind(node, node._publisher, random.Random(seed))
         return node
 
     faulthandler.enable()
     # the middleware complains there of every message that it cannot read
     os.dup2(os.open(words, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600), 2)
-    sys.exit(run(make, args=ros_arguments()))
+    if name in LOOP:
+        sys.exit(run(make, args=ros_arguments()))
+    arguments = ros_arguments() if name in LISTENERS else list(QUIET)
+    for entry in given:
+        arguments += ["-p", entry]
+    sys.exit(importlib.import_module(f"tcs_friction.nodes.{name}").main(arguments))
 
 
 def _step_clock(plant: Any, seconds: float) -> None:
@@ -134,39 +154,70 @@ def _step_clock(plant: Any, seconds: float) -> None:
 
 
 class Faulty:
-    """A publisher some of whose messages come garbled, twice, or once more when they are old."""
+    """A publisher some of whose messages come garbled, twice, or once more when they are old; the node reports how many."""
 
-    def __init__(self, publisher: Any, chance: random.Random) -> None:
-        self._publisher, self._chance = publisher, chance
+    def __init__(self, node: Any, publisher: Any, chance: random.Random) -> None:
+        self._node, self._publisher, self._chance = node, publisher, chance
         self._old = b""
+        self._beyond_doubt = 0
 
     def publish(self, data: bytes) -> None:
         self._publisher.publish(data)
         if self._chance.random() < GARBLED:
-            self._publisher.publish(garbled(data, self._chance))
+            broken = garbled(data, self._chance)
+            self._publisher.publish(broken)
+            self._beyond_doubt += beyond_doubt(data, broken)
+            self._node.health.values[GARBLED_COUNT] = str(self._beyond_doubt)
         if self._chance.random() < DOUBLED:
             self._publisher.publish(data)
             self._publisher.publish(self._old or data)
             self._old = data
 
 
-class _TruthfulToo(Faulty):
-    """The plant's: it tells the judge the true speed and the torque that acts."""
+class _Truthful(Faulty):
+    """It tells the judge, too, what is not garbled."""
 
-    def __init__(self, plant: Any, publisher: Any, chance: random.Random) -> None:
+    topic = ""
+
+    def __init__(self, node: Any, publisher: Any, chance: random.Random) -> None:
         from sensor_msgs.msg import JointState
 
         from tcs_friction.nodes.qos import PUBLISH
+        from tcs_friction.nodes.wire import JointWire
 
-        super().__init__(publisher, chance)
-        self._plant = plant
-        self._truth = plant.create_publisher(JointState, TRUE_STATES, PUBLISH)
+        super().__init__(node, publisher, chance)
+        self._truth = node.create_publisher(JointState, self.topic, PUBLISH)
+        self._wire = JointWire(node.file.axis.name)
 
     def publish(self, data: bytes) -> None:
         super().publish(data)
-        plant = self._plant
-        simulator = plant._simulator
-        self._truth.publish(plant._wire.write(plant._stamp, simulator.position, simulator.velocity, plant._applied))
+        self._truth.publish(self._wire.write(*self.numbers(data)))
+
+    def numbers(self, data: bytes) -> tuple[int, float, float, float]:
+        """Stamp, position, speed and effort to tell. For subclasses."""
+        raise NotImplementedError
+
+
+class _TruthfulPlant(_Truthful):
+    """The true motion, and the torque that acts."""
+
+    topic = TRUE_STATES
+
+    def numbers(self, data: bytes) -> tuple[int, float, float, float]:  # noqa: ARG002
+        simulator = self._node._simulator
+        return self._node._stamp, simulator.position, simulator.velocity, self._node._applied
+
+
+class _TruthfulReference(_Truthful):
+    """The reference; for effort the position of the axis as it was heard."""
+
+    topic = TRUE_REFERENCE
+
+    def numbers(self, data: bytes) -> tuple[int, float, float, float]:
+        from tcs_friction.nodes.wire import REFERENCE
+
+        stamp, (position, speed, _) = REFERENCE.read(data)
+        return stamp, position, speed, self._node._state.position
 
 
 def garbled(data: bytes, chance: random.Random) -> bytes:
@@ -185,3 +236,8 @@ def garbled(data: bytes, chance: random.Random) -> bytes:
         value = chance.choice((float("nan"), float("inf"), 1e300, -1e308, 1e6))
         return data[:at] + struct.pack("<d", value) + data[at + 8 :]
     return data[: chance.randrange(1, len(data))]
+
+
+def beyond_doubt(data: bytes, broken: bytes) -> bool:
+    """Whether nobody can take a garbled message for a good one: it is cut short, or its stamp is years away."""
+    return len(broken) < len(data) or abs(int.from_bytes(broken[4:8], "little") - int.from_bytes(data[4:8], "little")) > 1e6

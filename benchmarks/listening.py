@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,8 +42,11 @@ class Listening:
         self._thread.start()
 
     def _spin(self) -> None:
-        while not self._over.is_set():
-            self.executor.spin_once(timeout_sec=0.1)
+        from rclpy.executors import ExternalShutdownException
+
+        with suppress(ExternalShutdownException):  # an interrupt has ended ROS
+            while not self._over.is_set():
+                self.executor.spin_once(timeout_sec=0.1)
 
     def hear_reports(self, heard: Callable[[str, Report], None]) -> None:
         """Call `heard(name, report)` for every report of a node; the name without its namespace."""

@@ -14,6 +14,12 @@ from tcs_friction.physics.axis import Axis
 
 RANGE_OVER_LIMIT = 10.0
 """Range of plausible speeds over the speed that the controller may command: an axis that is pushed is faster than it should."""
+ACCELERATION_MARGIN = 2.0
+"""Over what the torque limit and the believed inertia give: the inertia may be less, and a load may push."""
+NOISE_MULTIPLE = 10.0
+"""Error of a position over resolution and RMS noise of the encoder."""
+NOISE_TIME = 1e-3
+"""s at the largest speed: error of a position where nobody has stated the encoder."""
 OWN_SHARE = 0.5
 """Share of the torque limit that a compensation may take: as much is left for the controller to hold against a wrong one."""
 FRICTION_MARGIN = 1.5
@@ -41,6 +47,10 @@ class Ranges:
     largest_position: float = setting(1e6, "rad", 1e-9, 1e9, "travel either way: states and references beyond it are refused")
     largest_speed: float = setting(10.0, "rad/s", 1e-9, 1e9, "states and references that are faster are refused, as are jumps")
     largest_torque: float = setting(1e4, "N m", 1e-9, 1e13, "larger torques and friction estimates are refused")
+    largest_acceleration: float = setting(
+        1e15, "rad/s^2", 1e-9, 1e15, "real time: positions that take more, beyond the reported speed, are refused"
+    )
+    position_noise: float = setting(0.0, "rad", 0.0, 1e9, "real time: by how much a measured position may be off")
 
     def state_objection(self, position: float, speed: float) -> str:
         """Why a state cannot be, "" when it can. NaN cannot."""
@@ -85,10 +95,18 @@ def ranges(axis: Axis, controller: PidConfig) -> Ranges:
     speed = controller.velocity_limit
     if speed >= NO_LIMIT:
         speed = motion_limits(axis, controller).speed_limit
+    encoder = NOISE_MULTIPLE * (axis.sensors.resolution + axis.sensors.noise)
     return Ranges(
         largest_speed=min(RANGE_OVER_LIMIT * speed, 1e9),
         largest_torque=min(RANGE_OVER_LIMIT * controller.torque_limit, 1e13),
+        largest_acceleration=min(ACCELERATION_MARGIN * controller.torque_limit / axis.inertia, 1e15),
+        position_noise=min(encoder or NOISE_TIME * speed, 1e9),
     )
+
+
+def heard_ranges(axis: Axis, controller: PidConfig | None) -> Ranges:
+    """The ranges for nodes that only listen: wide where nobody has said how the axis is controlled, which may be any machine."""
+    return Ranges(largest_speed=1e9, largest_torque=1e13) if controller is None else ranges(axis, controller)
 
 
 def compensation_limit(axis: Axis, controller: PidConfig) -> float:

@@ -3,16 +3,20 @@
 Lock-step: stamps are simulated time. An equal stamp is a repetition, an older one a new run.
 
 Real time: stamps come from a driver's clock, positions from its encoder, and either may jump. A message follows the one
-before if its stamp is newer, by no more than the time that has passed, and its position can have been reached meanwhile.
-What does not follow is refused, unless it goes on like that for `patience` seconds: then the clock or the position was set
-anew, and a new run begins there. The first message of all is judged like that as well. A stray message, an older stamp or a
-second publisher's clock therefore never restart anything, and a driver that was restarted is believed after a moment.
+before if its stamp is newer, by no more than the time that has passed, and its position can have been reached meanwhile with
+the speed that is reported and the acceleration that the axis is capable of. What does not follow is refused, unless it goes
+on like that for `patience` seconds: then the clock or the position was set anew, and a new run begins there. The first message
+of all is judged like that as well. A stray message, an older stamp or a second publisher's clock therefore never restart
+anything, and a driver that was restarted is believed after a moment.
+
+What answers a state has that state's stamp. An answer with the stamp of no young state comes from a stranger.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 from enum import Enum
 
 SECOND = 1_000_000_000
@@ -36,6 +40,7 @@ NEXT, REPEATED, NEW_RUN, REFUSED = Step  # members of an enumeration are slow to
 class _Heard:
     stamp: int
     position: float
+    speed: float
     at: float  # steady time, s
 
 
@@ -56,7 +61,13 @@ class FollowRule:
         self._doubtful_since = 0.0
 
     def configure(
-        self, slack: float = 0.1, patience: float = 0.5, reach: float = math.inf, period: float = 1e-3
+        self,
+        slack: float = 0.1,
+        patience: float = 0.5,
+        reach: float = math.inf,
+        period: float = 1e-3,
+        acceleration: float = math.inf,
+        noise: float = 0.0,
     ) -> None:
         """Set the limits of real time.
 
@@ -66,11 +77,14 @@ class FollowRule:
         patience: for how long messages must follow each other until a jump is believed, s.
         reach: largest speed of the position, rad/s.
         period: usual time between two messages, s.
+        acceleration: largest acceleration, rad/s^2.
+        noise: by how much a position may be off, rad.
         """
         self._slack, self._patience, self._reach, self._period = slack, patience, reach, period
+        self._acceleration, self._noise = acceleration, noise
 
-    def judge(self, stamp: int, position: float = 0.0, now: float = 0.0) -> Step:
-        """What the message is; `now` is steady time in s, of no meaning in lock-step."""
+    def judge(self, stamp: int, position: float = 0.0, now: float = 0.0, speed: float = math.nan) -> Step:
+        """What the message is. `now` is steady time in s, of no meaning in lock-step; `speed` is NaN where none is reported."""
         last = self.last
         if self._lock_step and last < stamp < STAMP_END:  # the usual case first
             self.last = stamp
@@ -83,7 +97,7 @@ class FollowRule:
         if self._lock_step:
             self.last = stamp
             return NEW_RUN
-        return self._judge_in_real_time(_Heard(stamp, position, now))
+        return self._judge_in_real_time(_Heard(stamp, position, speed, now))
 
     def _judge_in_real_time(self, heard: _Heard) -> Step:
         if heard.stamp == 0:
@@ -91,18 +105,20 @@ class FollowRule:
             return Step.REFUSED
         objection = self._objection(self._before, heard) if self._before else ""
         if self._before and not objection:
-            self._accept(heard)
+            self._accept(self._before, heard)
             return Step.NEXT
         doubtful, self._doubtful = self._doubtful, heard
         if doubtful is None or self._objection(doubtful, heard):
             self._doubtful_since = heard.at
         elif heard.at - self._doubtful_since >= self._patience:
-            self._accept(heard)
+            self._accept(doubtful, heard)
             return Step.NEW_RUN
         self.reason = objection
         return Step.REFUSED
 
-    def _accept(self, heard: _Heard) -> None:
+    def _accept(self, before: _Heard, heard: _Heard) -> None:
+        if heard.speed != heard.speed:  # none is reported
+            heard = replace(heard, speed=(heard.position - before.position) * SECOND / (heard.stamp - before.stamp))
         self._before, self._doubtful = heard, None
         self.last = heard.stamp
 
@@ -113,44 +129,107 @@ class FollowRule:
             return f"stamp {-span:.6g} s older than the one before"
         if span > passed + self._slack:
             return f"stamp {span:.6g} s after the one before, {passed:.3g} s later"
-        step = abs(heard.position - before.position)
-        if step > self._reach * (span + self._period):
-            return f"step of {step:.6g} within {span:.3g} s"
-        return ""
+        step, allowed = abs(heard.position - before.position), self._largest_step(before, heard, span)
+        return f"step of {step:.3g} within {span:.3g} s, at most {allowed:.3g} can be" if step > allowed else ""
+
+    def _largest_step(self, before: _Heard, heard: _Heard, span: float) -> float:
+        """How far the axis can have come. One period is added, for stamps are not exact and speeds are filtered."""
+        span += self._period
+        reported = [abs(speed) for speed in (before.speed, heard.speed) if speed == speed]
+        if not reported:
+            return self._reach * span
+        speed = max(reported) + self._acceleration * span
+        return min(self._reach, speed) * span + self._noise
+
+
+class RecentStates:
+    """The stamps (ns) of the states of the last `limit` seconds, up to the newest."""
+
+    def __init__(self, limit: float) -> None:
+        self._order: deque[int] = deque()
+        self._stamps: set[int] = set()
+        self.configure(limit)
+
+    def configure(self, limit: float) -> None:
+        """Another limit, s."""
+        self.limit = limit
+        self._limit = limit * SECOND
+
+    def add(self, stamp: int) -> None:
+        """A new state. One that is older than the newest begins a new run, and forgets the last one."""
+        if stamp < self.newest:
+            self._order.clear()
+            self._stamps.clear()
+        if stamp not in self._stamps:
+            self._order.append(stamp)
+            self._stamps.add(stamp)
+        while stamp - self._order[0] > self._limit:
+            self._stamps.discard(self._order.popleft())
+
+    @property
+    def newest(self) -> int:
+        """-1 before the first."""
+        return self._order[-1] if self._order else -1
+
+    def may_come(self, stamp: int) -> bool:
+        """Whether a state of this stamp may come soon."""
+        return 0 <= self.newest < stamp <= self.newest + self._limit
+
+    def __contains__(self, stamp: int) -> bool:
+        return stamp in self._stamps
 
 
 class AnswerRule:
     """Real time: whether a message that answers joint states may be used. Its stamp is that of the state it answers.
 
-    It must be about a state that is no older than `age_limit` seconds and must not be older than the answer before. Two
-    different answers to one state come from two publishers: `contradicted` is when that was heard last (steady time, s).
+    It must be about one of the recent states and must not be older than the answer before. Two different answers to one state
+    come from two publishers, and so do answers to no state when there are `STRANGE` of them within the limit of the states:
+    `contradicted` is when that was heard last (steady time, s).
     """
 
-    def __init__(self, age_limit: float) -> None:
-        self.configure(age_limit)
+    STRANGE = 3
+    """One may be a message that was broken on its way, or late."""
+    MOST_WAITING = 10
+
+    def __init__(self, states: RecentStates) -> None:
+        self._states = states
         self.contradicted = -math.inf
-        self.restart()
-
-    def configure(self, age_limit: float) -> None:
-        """Another age limit, s."""
-        self._limit = round(age_limit * SECOND)
-
-    def restart(self) -> None:
-        """The states have begun a new run."""
-        self.last = -1
+        self._last = -1
         self._values: tuple[float, ...] = ()
+        self._strange: deque[float] = deque(maxlen=self.STRANGE)
+        self._waiting: list[tuple[int, bytes]] = []
 
-    def objection(self, stamp: int, values: tuple[float, ...], state: int, now: float) -> str:
-        """Why the answer may not be used, "" when it may. `state` is the stamp of the newest state."""
-        if abs(stamp - state) > self._limit:
-            self.contradicted = now
-            return f"stamp {abs(stamp - state) / SECOND:.6g} s {'older' if stamp < state else 'newer'} than the newest state"
-        if stamp < self.last:
-            return f"stamp {(self.last - stamp) / SECOND:.6g} s older than the one before"
-        if stamp == self.last:
-            if values == self._values:
-                return ""
+    def wait(self, stamp: int, data: bytes) -> bool:
+        """Keep an answer that has overtaken its state; False when it cannot have, or when too many are kept already."""
+        may = self._states.may_come(stamp) and len(self._waiting) < self.MOST_WAITING
+        if may:
+            self._waiting.append((stamp, data))
+        return may
+
+    def due(self) -> list[bytes]:
+        """The answers that were kept and are to be judged now: their state has come, or cannot come any more."""
+        if not self._waiting:
+            return []
+        ready = [data for stamp, data in self._waiting if not self._states.may_come(stamp)]
+        self._waiting = [(stamp, data) for stamp, data in self._waiting if self._states.may_come(stamp)]
+        return ready
+
+    def objection(self, stamp: int, values: tuple[float, ...], now: float) -> str:
+        """Why the answer may not be used, "" when it may."""
+        if stamp not in self._states:
+            return self._stranger(stamp, now)
+        if self._last in self._states and stamp < self._last:
+            return f"stamp {(self._last - stamp) / SECOND:.6g} s older than the one before"
+        if stamp == self._last and values != self._values:
             self.contradicted = now
             return "contradicts another with the same stamp"
-        self.last, self._values = stamp, values
+        self._last, self._values = stamp, values
         return ""
+
+    def _stranger(self, stamp: int, now: float) -> str:
+        self._strange.append(now)
+        if len(self._strange) == self.STRANGE and now - self._strange[0] <= self._states.limit:
+            self.contradicted = now
+        away = stamp - self._states.newest
+        side = "older" if away < 0 else "newer"
+        return f"stamp {abs(away) / SECOND:.6g} s {side} than the newest state, and of none of the last {self._states.limit:g} s"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -16,19 +15,18 @@ from rclpy.qos import QoSProfile
 
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.config_field import choice, setting
+from tcs_friction.control.plausible import Ranges, heard_ranges
 from tcs_friction.errors import TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
 from tcs_friction.nodes.driver import DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.health import Health, Judgement
+from tcs_friction.nodes.log_lines import Problems, Warnings
 from tcs_friction.nodes.steady import steady_timer
 
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
-_NUMBER = re.compile(r"\d+(\.\d+)?")
-LOGGED_STATES = ("phase", "life cycle")
+LOGGED_STATES = ("phase", "life cycle", "live recording")
 """Values of /diagnostics whose changes are in the log."""
-WARN_EVERY = 10.0
-"""s between two lines of warnings in the log; /diagnostics has all of them."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,11 @@ def control_of(file: AxisFile) -> Control:
     return file.control or default_control(file.axis)
 
 
+def heard_by_all(file: AxisFile) -> Ranges:
+    """What nodes that only listen take for plausible."""
+    return heard_ranges(file.axis, file.control.controller if file.control else None)
+
+
 def derived(kind: type[C], *sources: Any, **values: Any) -> C:
     """A node's configuration from the configurations of the core that it contains; later ones win."""
     names = {entry.name for entry in fields(kind)}
@@ -75,9 +78,8 @@ class AxisNode(Node, Generic[C]):
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)
         self.file = self._accepted = axis_file(path)
         self.health = Health()
-        self._reported = ""
         self._said: dict[str, str] = {}
-        self._warned, self._warned_at = "", -WARN_EVERY
+        self._problem_lines, self._warning_lines = Problems(), Warnings()
         self.config: C = parameters.declare(self, defaults(self.file))
         parameters.refuse_unknown(self)
         self.lock_step = self.config.clock == LOCK_STEP
@@ -113,7 +115,7 @@ class AxisNode(Node, Generic[C]):
 
     def hear_driver(self, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to joint_states, serialised, in whatever quality a driver publishes them."""
-        self._driver = DriverWatch(self, callback, profile)
+        self._driver = DriverWatch(self, callback, profile, self.file.axis.name)
 
     # Parameters
 
@@ -182,32 +184,23 @@ class AxisNode(Node, Generic[C]):
         report = DiagnosticArray(status=[status])
         report.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(report)
-        self._log(problem, warning)
+        self._log(warning)
 
-    def _log(self, problem: str, warning: str) -> None:
-        """A problem once when it comes and once when it goes, a change of state once; a warning when it comes, throttled."""
+    def _log(self, warning: str) -> None:
+        """A problem once when it comes and once when all are gone, a change of state once; a warning when it comes, throttled."""
+        log = self.get_logger()
         for state in LOGGED_STATES:
             value = self.health.values.get(state, "")
             if value != self._said.get(state, ""):
-                self.get_logger().info(f"{state}: {value}")
+                log.info(f"{state}: {value}")
                 self._said[state] = value
-        self._log_warning(warning)
-        if bool(problem) == bool(self._reported):
-            return
-        if problem:
-            self.get_logger().error(problem)
-        else:
-            self.get_logger().info("all is well again")
-        self._reported = problem
-
-    def _log_warning(self, warning: str) -> None:
-        """A warning when it comes; it is no other one because its numbers have changed."""
-        now, words = time.monotonic(), _NUMBER.sub("", warning)
-        if not words:
-            self._warned = ""
-        elif words != self._warned and now - self._warned_at >= WARN_EVERY:
-            self.get_logger().warning(warning)
-            self._warned, self._warned_at = words, now
+        if line := self._warning_lines.line(warning, time.monotonic()):
+            log.warning(line)
+        wrong = self._problem_lines.any
+        for problem in self._problem_lines.lines(self.health.problems):
+            log.error(problem)
+        if wrong and not self._problem_lines.any:
+            log.info("all is well again")
 
     _last_progress: tuple[int, float] = (-1, 0.0)
 

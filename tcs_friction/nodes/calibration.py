@@ -39,6 +39,11 @@ class CalibrationMemory:
                 self._readings.clear()  # the clock went back: another run
             self._states.append(stamp, torque, speed)
 
+    @property
+    def last_reading(self) -> int:
+        """Stamp (ns) of the last reading, -1 before the first."""
+        return self._readings.stamps[-1] if len(self._readings) else -1
+
     def reading(self, stamp: int, torque: float) -> None:
         """What the dynamometer shows."""
         self._readings.append(stamp, torque)

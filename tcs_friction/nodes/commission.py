@@ -16,9 +16,10 @@ from tcs_friction_msgs.srv import SetMode
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch, text
+from tcs_friction.control.plausible import Ranges
 from tcs_friction.control.tracking import ARCSEC, TrackingErrors
 from tcs_friction.errors import InputError, JobError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
 from tcs_friction.nodes.convert import friction_of, lugre_message
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import config_file, reference_file
@@ -46,7 +47,7 @@ MOST_ROUNDS = 100
 
 
 @dataclass(frozen=True)
-class CommissionConfig(ResultsConfig, ClockConfig):
+class CommissionConfig(ResultsConfig, Ranges, ClockConfig):
     """The run that everything is measured on."""
 
     reference_file: str = text("azimuth_1p2m_run.yaml", "reference to be tracked better: a path or a name in the config folder")
@@ -60,7 +61,7 @@ class CommissionConfig(ResultsConfig, ClockConfig):
 
 def defaults(file: AxisFile) -> CommissionConfig:
     """The settings that an axis file implies."""
-    return derived(CommissionConfig, control_of(file).loop)
+    return derived(CommissionConfig, control_of(file).loop, heard_by_all(file))
 
 
 class Commission(AxisNode[CommissionConfig]):
@@ -68,14 +69,14 @@ class Commission(AxisNode[CommissionConfig]):
 
     def __init__(self) -> None:
         super().__init__("commission", defaults)
+        self._waiter = Waiter(self)
+        self._runs = RunCollector(self, self._waiter)
         self.start()
         self.runs: dict[str, Run] = {}
         """What was measured in the last commissioning, by name."""
         self.outcome: CommissionResult | None = None
-        self._waiter = Waiter(self)
         self._remotes = Remotes(self, self._waiter)
         self._modes = Modes(self._remotes)
-        self._runs = RunCollector(self, self._waiter)
         self._programme = Programme(self, self._waiter, self._remotes, self._runs)
         self._latched = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self._identify = ActionClient(self, IdentifyAction, "identifier/identify")
@@ -85,6 +86,10 @@ class Commission(AxisNode[CommissionConfig]):
     def check(self, config: CommissionConfig, file: AxisFile) -> None:  # noqa: ARG002
         for name in (config.reference_file, config.measure_file):
             reference_file(name)
+
+    def configure(self, config: CommissionConfig) -> None:
+        super().configure(config)
+        self._runs.configure(self.file.axis.name, self.file.axis.inertia, config)
 
     hears = ""
 

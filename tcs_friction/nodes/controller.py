@@ -65,7 +65,8 @@ class Controller(ManagedNode[ControllerConfig]):
         config = self.config
         self._pid = DoubleLoopPid(config, config.period)
         self._state = JointInput(self.health, self.lock_step)
-        self._answers = {name: AnswerRule(config.age_limit) for name in ("reference", COMPENSATION, OBSERVER)}
+        self._answers = {name: AnswerRule(self._state.recent) for name in ("reference", COMPENSATION, OBSERVER)}
+        self._handlers = {"reference": self._on_reference, COMPENSATION: self._on_compensation, OBSERVER: self._on_estimate}
         self._faded = {name: FadingInput(config.age_limit, config.ramp_time) for name in (COMPENSATION, OBSERVER)}
         self._ramp = Ramp(config.ramp_time)
         self.start()
@@ -85,8 +86,6 @@ class Controller(ManagedNode[ControllerConfig]):
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)
         self._ramp.duration = config.ramp_time
-        for rule in self._answers.values():
-            rule.configure(config.age_limit)
         for faded in self._faded.values():
             faded.configure(config.age_limit, config.ramp_time)
         if not self._lock_step:
@@ -121,6 +120,7 @@ class Controller(ManagedNode[ControllerConfig]):
         stamp = self._state.stamp
         if not self._lock_step:
             if step is not REPEATED:
+                self._take_due()
                 self._command_with_latest(stamp, step)
             return
         if step is REPEATED and stamp == self._done:
@@ -132,8 +132,19 @@ class Controller(ManagedNode[ControllerConfig]):
         self._pending = stamp
         self._command_when_complete()
 
+    def _take_due(self) -> None:
+        """Real time: answers that had overtaken their state."""
+        for name, rule in self._answers.items():
+            for data in rule.due():
+                self._handlers[name](data)
+
+    def _early(self, name: str, stamp: int, data: bytes) -> bool:
+        return not self._lock_step and self._answers[name].wait(stamp, data)
+
     def _on_reference(self, data: bytes) -> None:
         stamp, numbers = REFERENCE.read(data)
+        if self._early("reference", stamp, data):
+            return
         (position, speed, acceleration), (farthest, fastest, most) = numbers, self._limits
         objection = ""
         if not (-farthest <= position <= farthest and -fastest <= speed <= fastest and -most <= acceleration <= most):
@@ -148,6 +159,8 @@ class Controller(ManagedNode[ControllerConfig]):
 
     def _on_compensation(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
+        if self._early(COMPENSATION, stamp, data):
+            return
         limit = self.config.compensation_limit
         objection = "" if -limit <= numbers[0] <= limit else f"{numbers[0]:g} N m, the limit is {limit:g}"
         if (objection or not self._lock_step) and not self._usable(COMPENSATION, stamp, numbers, objection):
@@ -160,6 +173,8 @@ class Controller(ManagedNode[ControllerConfig]):
 
     def _on_estimate(self, data: bytes) -> None:
         stamp, numbers = ESTIMATE.read(data)
+        if self._early(OBSERVER, stamp, data):
+            return
         residual, limit = numbers[2], self.config.compensation_limit
         if not -limit <= residual <= limit or not self._lock_step:
             if not self._usable(OBSERVER, stamp, numbers, self.config.torque_objection(residual)):
@@ -181,7 +196,7 @@ class Controller(ManagedNode[ControllerConfig]):
         if not self._lock_step:
             if self._state.stamp < 0:
                 return False  # which states it is about is not known yet
-            objection = objection or self._answers[name].objection(stamp, numbers, self._state.stamp, now)
+            objection = objection or self._answers[name].objection(stamp, numbers, now)
         if objection:
             self.health.refuse(f"{name} refused: {objection}")
             return False
@@ -238,8 +253,6 @@ class Controller(ManagedNode[ControllerConfig]):
             faded.restart()
         if new_run:
             self._reference_stamp = -1
-            for rule in self._answers.values():
-                rule.restart()
 
     def _command_in_real_time(self, stamp: int, late: float, elapsed: float) -> None:
         """The torque for a reference that is `late` seconds old."""

@@ -11,11 +11,11 @@ from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting
+from tcs_friction.control.plausible import Ranges
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import JobError
-from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
-from tcs_friction.nodes.driver import CommandedTorque
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import axis_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
@@ -27,7 +27,7 @@ from tcs_friction.report.diagnosis_files import write_diagnosis
 
 
 @dataclass(frozen=True)
-class DiagnoserConfig(ResultsConfig, ClockConfig):
+class DiagnoserConfig(ResultsConfig, Ranges, ClockConfig):
     """How much is remembered."""
 
     memory: float = setting(600.0, "s", 1.0, 1e5, "joint states older than this are forgotten")
@@ -35,7 +35,7 @@ class DiagnoserConfig(ResultsConfig, ClockConfig):
 
 def defaults(file: AxisFile) -> DiagnoserConfig:
     """The settings that an axis file implies."""
-    return derived(DiagnoserConfig, control_of(file).loop)
+    return derived(DiagnoserConfig, control_of(file).loop, heard_by_all(file))
 
 
 class Diagnoser(AxisNode[DiagnoserConfig]):
@@ -43,7 +43,7 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
 
     def __init__(self) -> None:
         super().__init__("diagnoser", defaults)
-        self._live = LiveRecording(CommandedTorque(self))
+        self._live = LiveRecording(self)
         self.start()
         self._waiter = Waiter(self)
         self._jobs = Jobs(self, self._waiter, "diagnose", self._diagnose, DiagnoseAction, DiagnoseService)
@@ -51,7 +51,7 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
 
     def configure(self, config: DiagnoserConfig) -> None:
         super().configure(config)
-        self._live.follow(self.file.axis.name, round(config.memory / config.period))
+        self._live.follow(self.file.axis.name, round(config.memory / config.period), config)
 
     def _on_state(self, data: bytes) -> None:
         if self._live.append(data):

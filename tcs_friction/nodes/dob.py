@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,6 +31,8 @@ from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE
 
 COMPENSATION = "friction_compensation"
+READING_AGE = 2.0
+"""s by which a dynamometer's stamp may differ from that of the newest state: a gauge may take one second to answer."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Dob(AxisNode[DobNodeConfig]):
         self._state = JointInput(self.health, self.lock_step)
         self._torque = 0.0  # held until the pending stamp
         self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
-        self._answers = AnswerRule(self.config.age_limit)
+        self._answers = AnswerRule(self._state.recent)
         self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
         self._commanded = CommandedTorque(self)
         self._calibration = CalibrationMemory()
@@ -81,7 +82,6 @@ class Dob(AxisNode[DobNodeConfig]):
         self._period_ns = round(config.period * SECOND)
         self._limit = config.largest_torque
         self._state.configure(self.file.axis.name, config)
-        self._answers.configure(config.age_limit)
         self._faded.configure(config.age_limit, config.ramp_time)
         if not self.lock_step:
             if config.compensator:
@@ -98,6 +98,8 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def _on_compensation(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
+        if not self.lock_step and self._answers.wait(stamp, data):
+            return
         plausible = -self._limit <= numbers[0] <= self._limit
         if not (plausible and self.lock_step):
             objection = "" if plausible else self.config.torque_objection(numbers[0])
@@ -115,7 +117,7 @@ class Dob(AxisNode[DobNodeConfig]):
     def _take_in_real_time(self, stamp: int, numbers: tuple[float, ...]) -> str:
         """Why the compensator's torque cannot be used, "" when it is."""
         now = time.monotonic()
-        objection = self._answers.objection(stamp, numbers, self._state.stamp, now)
+        objection = self._answers.objection(stamp, numbers, now)
         if not objection:
             self._faded.put(numbers[0], stamp)
             if COMPENSATION in self.health.inputs:
@@ -129,6 +131,8 @@ class Dob(AxisNode[DobNodeConfig]):
         if step is REPEATED:
             self._repeat()
             return
+        for early in self._answers.due():
+            self._on_compensation(early)
         stamp, torque = self._state.stamp, self._state.torque
         if torque != torque:  # a driver that gives none
             torque = self._commanded.until(stamp)
@@ -155,15 +159,29 @@ class Dob(AxisNode[DobNodeConfig]):
         """Forget the past: a new run, or in real time a gap that no observer bridges."""
         self._observer.reset()
         self._shares.clear()
-        self._answers.restart()
         self._faded.restart()
         self._done = -1
 
     def _on_dynamometer(self, message: WrenchStamped) -> None:
-        wrench = message.wrench
+        wrench, stamp = message.wrench, nanoseconds(message.header.stamp)
         torque = wrench.torque.z if self.file.axis.kind == "rotary" else wrench.force.x
-        if math.isfinite(torque):
-            self._calibration.reading(nanoseconds(message.header.stamp), torque)
+        objection = self.config.torque_objection(torque) or self._stamp_objection(stamp)
+        if objection:
+            self.health.refuse(f"dynamometer refused: {objection}")
+        else:
+            self._calibration.reading(stamp, torque)
+
+    def _stamp_objection(self, stamp: int) -> str:
+        """Why a reading cannot be of now. In lock-step stamps are simulated time, and an older one is another run."""
+        if stamp < 0:
+            return f"stamp of {stamp / SECOND:g} s is no time"
+        if self.lock_step:
+            return ""
+        away = (stamp - self._state.stamp) / SECOND
+        if abs(away) > READING_AGE:
+            side = "older" if away < 0.0 else "newer"
+            return f"stamp {abs(away):.6g} s {side} than the newest state, the limit is {READING_AGE:g} s"
+        return "stamp older than that of the one before" if stamp < self._calibration.last_reading else ""
 
     async def _calibrate(self, _: Trigger.Request, __: Trigger.Response, ___: Progress) -> str:
         """From what has been heard since the first reading; the parameters found are used at once."""

@@ -58,9 +58,10 @@ def _given(values: Sequence[float], at: int) -> bool:
 class DriverWatch:
     """A subscription to joint states as a driver may publish them, and what there is to say about them."""
 
-    def __init__(self, node: Node, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
+    def __init__(self, node: Node, callback: Callable[[bytes], None], profile: QoSProfile, joint: str) -> None:
         self._node, self._callback = node, callback
-        self._newest = b""
+        self._newest = self._own = b""
+        self._name = _in_message(joint)
         self._best_effort = False
         events = SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible)
         self._subscription: Any = node.create_subscription(
@@ -69,6 +70,8 @@ class DriverWatch:
 
     def _hear(self, data: bytes) -> None:
         self._newest = data
+        if self._name in data:
+            self._own = data
         self._callback(data)
 
     def _on_incompatible(self, _: Any) -> None:
@@ -81,12 +84,21 @@ class DriverWatch:
         self._subscription = self._node.create_subscription(JointState, TOPIC, self._hear, profile, raw=True)
 
     def judge(self, joint: str) -> Judgement:
-        """About the newest message, whichever joint it is of."""
-        message = message_of(self._newest, JointState) if self._newest else None
+        """About the newest message of the joint since the last question; where there is none, about the newest of all.
+
+        Other joints may have messages of their own on the topic.
+        """
+        newest, self._own, self._name = self._own or self._newest, b"", _in_message(joint)
+        message = message_of(newest, JointState) if newest else None
         found = judge(message, joint) if message is not None else Judgement()
         if self._best_effort:
             return Judgement((*found.served, "published best effort, heard likewise"), found.useless)
         return found
+
+
+def _in_message(joint: str) -> bytes:
+    """A joint's name as it stands in a serialised message that has it."""
+    return joint.encode() + b"\0"
 
 
 class CommandedTorque:

@@ -6,6 +6,7 @@ later than that between two reports is reported even if it is well again by then
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -44,6 +45,15 @@ class Judgement:
     overrun_limit: float = 0.05  # share of the ticks that may be late
     start_limit: float = 5.0  # s from the first report on in which an input may still come for the first time
 
+    def shown(self) -> dict[str, str]:
+        """The limits as values of a report, beside what they limit."""
+        rate = 1.0 / self.period
+        return {
+            "rate, limits [1/s]": f"{self.rate_limit * rate:.1f} to {(2.0 - self.rate_limit) * rate:.1f}",
+            "overruns, limit [1/s]": f"{self.overrun_limit * rate:.1f}",
+            "age of inputs, limit [s]": f"{self.age_limit:.3f}",
+        }
+
 
 @dataclass
 class Health:
@@ -62,6 +72,7 @@ class Health:
     _before: tuple[float, int, int] = (0.0, 0, 0)
     _begun: float = 0.0
     _was: Level = Level.OK  # the worst of what is well again since the last report
+    _limits: dict[str, str] = field(default_factory=dict)
 
     # What callbacks say
 
@@ -131,6 +142,11 @@ class Health:
         return "; ".join(self._problems.values())
 
     @property
+    def problems(self) -> Mapping[str, str]:
+        """What is wrong now, by cause."""
+        return self._problems
+
+    @property
     def warning(self) -> str:
         """What is doubtful now or happened since the last report."""
         events = self._told()
@@ -149,6 +165,7 @@ class Health:
     def judge(self, now: float, limits: Judgement) -> None:
         """Real time: ages of inputs, rate and overruns since the last report against their limits."""
         self._begun = self._begun or now
+        self._limits = limits.shown()
         for name, arrivals in self.inputs.items():
             age = now - arrivals.last
             if arrivals.last < 0.0 and now - self._begun < limits.start_limit:
@@ -195,4 +212,4 @@ class Health:
             "overruns": str(self.overruns),
             "repeats": str(self.repeats),
         }
-        return counters | self.values | events
+        return counters | self._limits | self.values | events

@@ -19,14 +19,14 @@ from tcs_friction_msgs.srv import Identify as IdentifyService
 
 from tcs_friction.config import AxisFile, save_axis, write_whole
 from tcs_friction.control.config_field import choice, setting, switch
+from tcs_friction.control.plausible import Ranges
 from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.identification import METHODS, identified_axis, identify
 from tcs_friction.identify.motion import Data, FrictionSeries
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
-from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
+from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
 from tcs_friction.nodes.convert import fill_direction, set_stamp
-from tcs_friction.nodes.driver import CommandedTorque
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import axis_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
@@ -34,14 +34,14 @@ from tcs_friction.nodes.live import LiveRecording, recordings
 from tcs_friction.nodes.peers import ResultsConfig, new_results
 from tcs_friction.nodes.qos import COLLECT, LATCHED
 from tcs_friction.nodes.series import Series
-from tcs_friction.nodes.wire import ESTIMATE
+from tcs_friction.nodes.topic_input import EstimateInput
 
 Live = tuple[list[Data], str]
 """What was heard, and what to call it."""
 
 
 @dataclass(frozen=True)
-class IdentifierConfig(ResultsConfig, ClockConfig):
+class IdentifierConfig(ResultsConfig, Ranges, ClockConfig):
     """How to identify, and Switch2 of the paper."""
 
     switch2: bool = switch(False, "Switch2: the observer's estimates are kept for identification")
@@ -57,7 +57,9 @@ def defaults(file: AxisFile) -> IdentifierConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
     delay, bandwidth = control.observer.estimate_filter
-    return derived(IdentifierConfig, control.loop, estimate_delay=delay, estimate_bandwidth=bandwidth)
+    return derived(
+        IdentifierConfig, control.loop, heard_by_all(file), estimate_delay=delay, estimate_bandwidth=bandwidth
+    )
 
 
 class Identifier(AxisNode[IdentifierConfig]):
@@ -66,7 +68,8 @@ class Identifier(AxisNode[IdentifierConfig]):
     def __init__(self) -> None:
         super().__init__("identifier", defaults)
         self._series = Series(2)  # velocity, torque
-        self._live = LiveRecording(CommandedTorque(self))
+        self._live = LiveRecording(self)
+        self._estimates = EstimateInput(self.health, self.lock_step)
         self._publisher = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self.start()
         self._waiter = Waiter(self)
@@ -79,15 +82,19 @@ class Identifier(AxisNode[IdentifierConfig]):
             self._series.clear()
         super().configure(config)
         self._series.limit = round(config.memory / config.period)
-        self._live.follow(self.file.axis.name, self._series.limit)
+        self._live.follow(self.file.axis.name, self._series.limit, config)
+        self._estimates.configure(config)
 
     def _on_estimate(self, data: bytes) -> None:
-        stamp, (torque, velocity, _, valid) = ESTIMATE.read(data)
-        if valid and self.config.switch2 and self._series.append(stamp, velocity, torque):
-            self.health.ticks += 1
+        heard = self._estimates.take(data)
+        if heard is None or not self.config.switch2:
+            return
+        stamp, (torque, velocity, _, valid) = heard
+        if valid and self._series.append(stamp, velocity, torque) and not self._live.heard:
+            self.health.ticks += 1  # otherwise the states are counted
 
     def _on_state(self, data: bytes) -> None:
-        if len(self._series) or self._live.append(data):
+        if self._live.append(data, keep=not len(self._series)):
             self.health.ticks += 1
 
     async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:

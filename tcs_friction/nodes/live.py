@@ -1,17 +1,19 @@
-"""The live recording: joint states kept as they come, so that a job needs no bag."""
+"""The live recording: acceptable joint states kept as they come, so that a job needs no bag."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 from tcs_friction.config import AxisFile
+from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
 from tcs_friction.errors import JobError
+from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.driver import CommandedTorque
+from tcs_friction.nodes.health import Level
+from tcs_friction.nodes.joint_input import JointInput, Settings
 from tcs_friction.nodes.peers import unquoted
 from tcs_friction.nodes.series import Series
-from tcs_friction.nodes.wire import JointWire
 from tcs_friction.recording.align import align
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.columns import TopicColumns
@@ -24,29 +26,40 @@ TOPIC = "joint_states"
 class LiveRecording:
     """The newest joint states of one joint. They become a Recording as those of a bag do, with its gaps cut."""
 
-    def __init__(self, commanded: CommandedTorque) -> None:
-        self._commanded = commanded
+    def __init__(self, node: AxisNode[Any]) -> None:
+        self._health = node.health
+        self._state = JointInput(node.health, node.lock_step, Level.WARN)
+        self._commanded = CommandedTorque(node)
         self._series = Series(3)  # position, velocity, torque
         self._joint = ""
 
     def __len__(self) -> int:
         return len(self._series)
 
-    def follow(self, joint: str, limit: int) -> None:
+    @property
+    def heard(self) -> bool:
+        """Whether a state has ever been accepted."""
+        return self._state.stamp >= 0
+
+    def follow(self, joint: str, limit: int, config: Settings) -> None:
         """Keep `limit` states of this joint; those of another are forgotten."""
         if joint != self._joint:
             self._series.clear()
-            self._joint, self._wire = joint, JointWire(joint)
+            self._joint = joint
+        self._state.configure(joint, config)
         self._series.limit = limit
 
-    def append(self, data: bytes) -> bool:
-        """A serialised JointState; False when it repeats the last one or is about other joints."""
-        stamp, position, velocity, torque = self._wire.read(data)
-        if math.isnan(position):
+    def append(self, data: bytes, keep: bool = True) -> bool:
+        """A serialised JointState; False when it repeats the last one, is refused or is about other joints."""
+        step, state = self._state.take(data), self._state
+        if step is not NEXT and step is not NEW_RUN:
             return False
-        if math.isnan(torque):  # a driver that gives none
-            torque = self._commanded.until(stamp)
-        return self._series.append(stamp, position, velocity, torque)
+        if step is NEW_RUN and len(self._series):
+            begun = f"begun anew at {state.stamp / SECOND:.3f} s"
+            self._health.values["live recording"] = f"{begun}, after {len(self._series)} states of the run before"
+        if keep:
+            self._series.append(state.stamp, state.position, state.speed, state.acted(self._commanded))
+        return True
 
     def recording(self) -> Recording:
         """What was heard. Raises JobError when that is too little, InputError when no sample has a torque."""

@@ -1,9 +1,10 @@
 """Nodes that decide whether there is torque: managed by the life cycle of ROS 2, with torque only while active.
 
     unconfigured --configure--> inactive --activate--> active --deactivate--> inactive --cleanup--> unconfigured
+    any of them --shutdown--> finalized, for good
 
 The services are those of every managed node (`ros2 lifecycle set /azimuth/controller deactivate`). In real time torque comes
-and goes over `ramp_time`: after `deactivate` it is gone when that has passed.
+and goes over `ramp_time`: after `deactivate` or `shutdown` it is gone when that has passed.
 """
 
 from __future__ import annotations
@@ -60,14 +61,15 @@ class ManagedNode(LifecycleNodeMixin, AxisNode[C]):
     def state_changed(self) -> None:
         """After every transition. For subclasses."""
 
-    def _change(self, configured: bool, active: bool) -> TransitionCallbackReturn:
+    def _change(self, configured: bool, active: bool, finalized: bool = False) -> TransitionCallbackReturn:
         self.configured, self.active = configured, active
-        name = "active" if active else "inactive" if configured else "unconfigured"
+        name = "active" if active else "inactive" if configured else "finalized" if finalized else "unconfigured"
         self.health.values["life cycle"] = name
         if active:
             self.health.well("life cycle")
         else:
-            self.health.doubt("life cycle", f"{name}: no torque until it is activated")
+            until = "the node is started anew" if finalized else "it is activated"
+            self.health.doubt("life cycle", f"{name}: no torque until {until}")
         self.state_changed()
         return TransitionCallbackReturn.SUCCESS
 
@@ -84,7 +86,7 @@ class ManagedNode(LifecycleNodeMixin, AxisNode[C]):
         return self._change(False, False)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
-        return self._change(False, False)
+        return self._change(False, False, finalized=True)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         return self._change(False, False)

@@ -21,8 +21,7 @@ from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.fading import Ramp
-from tcs_friction.control.plausible import RANGE_OVER_LIMIT
-from tcs_friction.control.stamps import AnswerRule
+from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND, set_stamp
 from tcs_friction.nodes.executor import run
@@ -49,7 +48,7 @@ class PlantConfig(ManagedConfig):
     seed: int = setting(0, "", 0, 2**31 - 1, "seed of torque and encoder noise")
     start_position: float = setting(0.0, "rad", -1e6, 1e6, "position at time 0, at rest")
     temperature: float = setting(20.0, "degC", -100.0, 300.0, "temperature of the bearing")
-    command_limit: float = setting(1e4, "N m", 0.0, 1e12, "commands beyond this are refused")
+    torque_limit: float = setting(1e3, "N m", 0.0, 1e12, "commands beyond this are refused")
     watchdog: float = setting(0.1, "s", 1e-3, 60.0, "real time: no torque when commands stop for longer")
     overspeed: float = setting(1.0, "rad/s", 1e-9, 1e9, "real time: no torque in the direction of a motion faster than this")
     run_until: float = setting(1e9, "s", 0.0, 1e9, "lock-step: simulated time at which the axis waits")
@@ -62,7 +61,7 @@ def defaults(file: AxisFile) -> PlantConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
     pid = control.controller
-    limits = {"command_limit": RANGE_OVER_LIMIT * pid.torque_limit, "overspeed": OVERSPEED_SHARE * pid.velocity_limit}
+    limits = {"torque_limit": pid.torque_limit, "overspeed": OVERSPEED_SHARE * pid.velocity_limit}
     return derived(PlantConfig, control.loop, **limits)
 
 
@@ -79,7 +78,8 @@ class Plant(ManagedNode[PlantConfig]):
         self._timer = None
         self._command: float | None = None
         self._commanded = -math.inf  # steady time of the last good command
-        self._answers = AnswerRule(self.config.age_limit)
+        self._recent = RecentStates(self.config.age_limit)
+        self._answers = AnswerRule(self._recent)
         self._ramp = Ramp(self.config.ramp_time)
         if not self.lock_step:
             self.health.expect(COMMAND, Level.WARN)
@@ -87,7 +87,7 @@ class Plant(ManagedNode[PlantConfig]):
         self.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
         steady_timer(self, REPEAT_AFTER, self._repeat)
-        self.rivals = Rivals(self, {COMMAND: self._answers})
+        self.rivals = Rivals(self, {COMMAND: self._answers}, exclusive={COMMAND})
 
     hears = COMMAND
 
@@ -96,7 +96,7 @@ class Plant(ManagedNode[PlantConfig]):
 
     def configure(self, config: PlantConfig) -> None:
         super().configure(config)
-        self._answers.configure(config.age_limit)
+        self._recent.configure(config.age_limit)
         self._ramp.duration = config.ramp_time
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
@@ -135,7 +135,6 @@ class Plant(ManagedNode[PlantConfig]):
         self._began = time.monotonic()
         self._origin = 0 if self.lock_step else self.get_clock().now().nanoseconds
         self._ramp.value = 0.0
-        self._answers.restart()
         self._publish(self._origin)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -152,10 +151,10 @@ class Plant(ManagedNode[PlantConfig]):
         stamp, numbers = TORQUE.read(data)
         if not (self.active or self._ramp.value) or (self.lock_step and stamp != self._stamp):
             return  # in lock-step, an answer to a repeated state that had been answered already
-        torque, limit = numbers[0], self.config.command_limit
+        torque, limit = numbers[0], self.config.torque_limit
         objection = "" if -limit <= torque <= limit else f"{torque:g} N m was refused, the limit is {limit:g}"
         if not (self.lock_step or objection):
-            objection = self._answers.objection(stamp, numbers, self._stamp, time.monotonic())
+            objection = self._answers.objection(stamp, numbers, time.monotonic())
         if objection:
             self._refusal = f" ({objection})"
             self.health.refuse(f"{COMMAND}{self._refusal}")
@@ -179,7 +178,7 @@ class Plant(ManagedNode[PlantConfig]):
     def _on_timer(self) -> None:
         """Real time: all the periods that are over, under the torque that acted in each of them."""
         now, period = time.monotonic(), self.config.period
-        if not self.configured:
+        if not (self.configured or self._ramp.value):
             self._began = now - self._index * period
             return
         due = math.floor((now - self._began) / period)
@@ -218,7 +217,7 @@ class Plant(ManagedNode[PlantConfig]):
             return "not active"
         if self._command is None or moment - self._commanded > self.config.watchdog:
             return f"no {COMMAND} for {self.config.watchdog:g} s"
-        return "contradicting commands" if self.rivals.topics else ""
+        return f"two publishers of {COMMAND}" if self.rivals.topics else ""
 
     def _advance(self, torque: float) -> None:
         self._applied = self._simulator.step(torque, self.config.temperature)
@@ -235,6 +234,8 @@ class Plant(ManagedNode[PlantConfig]):
         self._state = self._wire.write(
             stamp, simulator.measured_position, simulator.measured_velocity, self._applied
         )
+        if not self.lock_step:
+            self._recent.add(stamp)
         self._states.publish(self._state)
         if self.config.truth:
             truth = (simulator.friction, simulator.velocity, simulator.opposing, True)

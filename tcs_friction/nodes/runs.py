@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,20 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 from tcs_friction_msgs.msg import AxisReference, FrictionEstimate
 
+from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.driver import CommandedTorque
+from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import COLLECT
 from tcs_friction.nodes.series import Series
-from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, JointWire
+from tcs_friction.nodes.topic_input import EstimateInput, ReferenceInput
 from tcs_friction.recording.encode import TopicData, encoded, joint_states
 from tcs_friction.recording.write import EPOCH, write_bag
 
 Array = NDArray[np.float64]
 GRACE = 2.0  # s that the last messages of a run may take
 
+ESTIMATES = ("friction_estimate", "true_friction")
 COLUMNS = {
     "joint_states": ("position", "velocity", "effort"),
     "reference": ("position", "velocity", "acceleration"),
@@ -63,27 +66,37 @@ class Run:
 
 
 class RunCollector:
-    """Collects while a run lasts and nothing otherwise."""
+    """Collects what is acceptable while a run lasts, and nothing otherwise. To be configured before it hears anything."""
 
     def __init__(self, node: AxisNode[Any], waiter: Waiter) -> None:
         self._waiter = waiter
+        self._lock_step = node.lock_step
+        self._state = JointInput(node.health, node.lock_step, Level.WARN)
+        self._references = ReferenceInput(node.health, node.lock_step)
+        self._estimates = {name: EstimateInput(node.health, node.lock_step, name) for name in ESTIMATES}
         self._series: dict[str, Series] = {}
         self._newest: dict[str, int] = {}  # stamps; a run ends between two of them where stamps are those of a real clock
-        self._wire = JointWire("")
+        self._broken = ""
         self._end = -1
         self._from = -1
         self.reference: tuple[float, ...] | None = None
         """Position, speed and acceleration of the last reference heard, whether a run lasts or not."""
         self._commanded = CommandedTorque(node)
         node.hear_driver(self._on_state, COLLECT)
-        node.create_subscription(AxisReference, "reference", self._listener("reference"), COLLECT, raw=True)
-        for name in ("friction_estimate", "true_friction"):
+        node.create_subscription(AxisReference, "reference", self._on_reference, COLLECT, raw=True)
+        for name in ESTIMATES:
             node.create_subscription(FrictionEstimate, name, self._listener(name), COLLECT, raw=True)
+
+    def configure(self, joint: str, inertia: float, config: Any) -> None:
+        """Another axis or other limits; `config` is a ClockConfig with Ranges."""
+        self._state.configure(joint, config)
+        self._references.configure(config, inertia)
+        for estimates in self._estimates.values():
+            estimates.configure(config)
 
     def begin(self, joint: str, duration: float, topics: Sequence[str]) -> None:
         """Collect from the next joint state on, for `duration` seconds of its stamps."""
-        self._joint = joint
-        self._wire = JointWire(joint)
+        self._joint, self._broken = joint, ""
         self._from, self._end = -1, -1
         self._duration = round(duration * SECOND)
         self._newest = dict.fromkeys(topics, -1)
@@ -95,28 +108,34 @@ class RunCollector:
         return self._newest.get("joint_states", -1)
 
     def _on_state(self, data: bytes) -> None:
-        if "joint_states" not in self._series:
-            return
-        stamp, position, speed, torque = self._wire.read(data)
-        if math.isnan(position):
-            return  # of other joints
-        if math.isnan(torque):  # a driver that gives none
-            torque = self._commanded.until(stamp)
-        if self._from < 0 or stamp < self._from:
-            self._from, self._end = stamp, stamp + self._duration
-        self._keep("joint_states", stamp, (position, speed, torque))
+        step, state = self._state.take(data), self._state
+        if step is REFUSED or (step is REPEATED and not self._lock_step) or "joint_states" not in self._series:
+            return  # in lock-step a run may begin with a state that has been heard before
+        if self._from < 0 or step is NEW_RUN:
+            self._begin_at(state.stamp)
+        self._keep("joint_states", state.stamp, (state.position, state.speed, state.acted(self._commanded)))
+
+    def _begin_at(self, stamp: int) -> None:
+        """In lock-step the plant may be set back to time 0, and everything with it; in real time that breaks a run."""
+        if self._from >= 0 and not self._lock_step:
+            at = (self.reached - self._from) / SECOND
+            self._broken = f"clock or position of the axis was set anew after {at:.3f} s of it"
+        self._from, self._end = stamp, stamp + self._duration
+
+    def _on_reference(self, data: bytes) -> None:
+        heard = self._references.take(data)
+        if heard is not None:
+            stamp, self.reference = heard
+            if "reference" in self._series:
+                self._keep("reference", stamp, self.reference)
 
     def _listener(self, name: str) -> Callable[[bytes], None]:
-        wire = REFERENCE if name == "reference" else ESTIMATE
-
         def listen(data: bytes) -> None:
-            if name != "reference" and name not in self._series:
-                return
-            stamp, values = wire.read(data)
-            if name == "reference":
-                self.reference = values
-            if name in self._series:
-                self._keep(name, stamp, values)
+            if self._lock_step and name not in self._series:
+                return  # in real time what comes is followed all the time
+            heard = self._estimates[name].take(data)
+            if heard is not None and name in self._series:
+                self._keep(name, *heard)
 
         return listen
 
@@ -133,6 +152,8 @@ class RunCollector:
         heard, since = -1, time.monotonic()
         try:
             while not await self._waiter.until(self._complete, 0.1):
+                if self._broken:
+                    raise JobError("run", self._broken, "one clock and one encoder from its beginning to its end")
                 if self.reached != heard:
                     heard, since = self.reached, time.monotonic()
                 quiet = time.monotonic() - since

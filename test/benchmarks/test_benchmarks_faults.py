@@ -11,8 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faulty_nodes import Loop, garbled
-from benchmarks.listening import wait_until
+from benchmarks.faulty_companions import Surroundings
+from benchmarks.faulty_nodes import GARBLED_COUNT, Loop, beyond_doubt, garbled
+from benchmarks.faulty_watch import REFUSED, Watch
+from benchmarks.listening import Report, wait_until
+from tcs_friction.nodes.graph import node_names
 from tcs_friction.nodes.wire import JointWire
 
 
@@ -33,9 +36,14 @@ def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
     assert ended.returncode == 0, ended.stderr
     results = {entry["name"]: entry for entry in json.loads(ended.stdout)["results"]}
     assert sum(entry["value"] for name, entry in results.items() if name.startswith("faults")) >= 2
-    for name in ("largest true speed, beside its limit", "largest torque, beside its limit"):
-        assert 0.0 < results[name]["value"] <= results[name]["beside"]
-    assert results["inputs refused"]["value"] > 0
+    limited = [entry for name, entry in results.items() if name.startswith("largest")]
+    assert len(limited) == 3
+    for entry in limited:
+        assert 0.0 < entry["value"] <= entry["beside"] * (1.0 + 1e-6)
+    assert {f"killed or stopped: {name}" for name in node_names()} <= set(results)
+    refused = [entry for name, entry in results.items() if name.startswith("inputs refused by")]
+    assert len(refused) == 5
+    assert sum(entry["value"] for entry in refused) >= sum(entry["beside"] for entry in refused) > 0
 
 
 @pytest.mark.usefixtures("ros_domain")
@@ -65,3 +73,41 @@ def test_garbled_messages_differ_and_never_grow() -> None:
     made = [garbled(data, chance) for _ in range(200)]
     assert all(len(item) <= len(data) for item in made)
     assert sum(item != data for item in made) > 190
+
+
+def test_garbled_beyond_doubt_is_what_every_node_has_to_refuse() -> None:
+    wire = JointWire("azimuth")
+    good = wire.write(10**18, 0.1, 0.2, 0.3)
+    assert not beyond_doubt(good, wire.write(10**18 + 10**9, 0.1, 0.2, 1e6))
+    assert beyond_doubt(good, wire.write(0, 0.1, 0.2, 0.3))
+    assert beyond_doubt(good, good[:-1])
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_the_judge_measures_steps_of_the_reference_and_counts_over_restarts() -> None:
+    watch = Watch()
+    try:
+        wire, begin = watch._wire, 10**18
+        def hear(*samples: tuple[int, float, float, float]) -> float:
+            for tick, position, speed, axis in samples:
+                watch._on_reference(wire.write(begin + tick * 10**7, position, speed, axis))
+            return watch.stepped
+
+        assert hear((0, 0.0, 0.0, 0.0), (1, 5e-4, 0.0, 0.0), (2, 0.5, 0.09, 0.5)) == pytest.approx(0.05)
+        assert hear((3, 0.50088, 0.085, 0.49)) == pytest.approx(0.05), "it may begin at the axis, and slow down from its speed"
+        assert hear((4, 0.5017, 0.07, 0.49), (5, 0.503, 0.07, 0.49)) == pytest.approx(0.13)
+        for refused, sent in ((5, 2), (7, 3), (1, 0), (2, 4)):
+            watch._on_report("plant", Report(0.0, 1, "", {REFUSED: str(refused)}))
+            watch._on_report("controller", Report(0.0, 1, "", {GARBLED_COUNT: str(sent)}))
+        assert watch.refusals()[0] == ("plant", 7 + 2, 3 + 4)
+        assert watch.until_silent("plant", 1.0)
+        assert not watch.until_silent("dob", 0.1), "which has never reported"
+    finally:
+        watch.close()
+
+
+def test_a_recording_that_cannot_be_read_counts_as_none(tmp_path: Path) -> None:
+    surroundings = Surroundings(tmp_path)
+    assert surroundings.recorded(tmp_path / "played") == 500
+    surroundings.parameters("recorder")
+    assert surroundings.recorded(surroundings.recordings[-1]) == 0

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from tcs_friction.control.fading import FadingInput, Ramp
-from tcs_friction.control.stamps import SECOND, STAMP_END, AnswerRule, FollowRule, Step
+from tcs_friction.control.stamps import SECOND, STAMP_END, AnswerRule, FollowRule, RecentStates, Step
 
 TICK = 1_000_000  # ns
 START = 1_700_000_000 * SECOND
@@ -27,7 +27,7 @@ class Driver:
         steps = []
         for k in range(ticks):
             self.now += 1e-3
-            steps.append(self.rule.judge(stamp + k * TICK, position + k * 1e-3 * speed, self.now))
+            steps.append(self.rule.judge(stamp + k * TICK, position + k * 1e-3 * speed, self.now, speed))
         return steps
 
     def started(self) -> Driver:
@@ -110,25 +110,94 @@ def test_a_step_that_no_axis_makes_is_refused_until_it_stays() -> None:
     assert steps.count(Step.NEW_RUN) == 1
 
 
-def test_an_answer_is_about_a_young_state() -> None:
-    rule = AnswerRule(age_limit=0.1)
-    now = START
-    assert rule.objection(now, (1.0,), now, 1.0) == ""
-    assert rule.objection(now, (1.0,), now, 1.0) == ""
-    assert "older than the newest state" in rule.objection(0, (500.0,), now, 2.0)
-    assert "newer than the newest state" in rule.objection(now + SECOND, (500.0,), now, 2.0)
-    assert "older than the one before" in rule.objection(now - TICK, (1.0,), now, 2.0)
-    assert rule.objection(now + TICK, (2.0,), now, 3.0) == ""
+def test_a_step_is_bounded_by_the_reported_speed_and_the_acceleration() -> None:
+    """3 mrad in a millisecond is below the largest speed, but not of an axis that says it moves at 10 mrad/s."""
+    for speed, step, wanted in ((0.01, 3e-3, Step.REFUSED), (0.01, 2.5e-5, Step.NEXT), (0.9, 1.5e-3, Step.NEXT)):
+        driver = Driver()
+        driver.rule.configure(slack=0.1, patience=0.5, reach=1.0, period=1e-3, acceleration=2.0, noise=1e-6)
+        assert driver.run(1000, START, speed=speed)[-1] is Step.NEXT
+        assert driver.run(1, START + 1000 * TICK, position=999e-3 * speed + step, speed=speed) == [wanted]
+
+
+def test_a_driver_without_speeds_is_bounded_by_the_speed_that_it_had() -> None:
+    driver = Driver()
+    driver.rule.configure(slack=0.1, patience=0.5, reach=1.0, period=1e-3, acceleration=2.0, noise=1e-6)
+    for k in range(1000):
+        driver.now += 1e-3
+        step = driver.rule.judge(START + k * TICK, 1e-5 * k, driver.now)
+    assert step is Step.NEXT
+    assert driver.rule.judge(START + 1000 * TICK, 1e-2 + 1e-3, driver.now + 1e-3) is Step.REFUSED
+    assert driver.rule.judge(START + 1000 * TICK, 1e-2, driver.now + 1e-3) is Step.NEXT
+
+
+def states(*stamps: int) -> RecentStates:
+    made = RecentStates(0.1)
+    for stamp in stamps:
+        made.add(stamp)
+    return made
+
+
+def test_states_are_recent_for_a_while_and_until_a_new_run() -> None:
+    recent = states(START, START + 50 * TICK, START + 150 * TICK)
+    assert [START + k * TICK in recent for k in (0, 50, 100, 150)] == [False, True, False, True]
+    recent.add(START + 150 * TICK)
+    recent.add(START)
+    assert [START + k * TICK in recent for k in (0, 50, 150)] == [True, False, False]
+    assert recent.newest == START
+
+
+def test_an_answer_is_about_a_recent_state() -> None:
+    rule = AnswerRule(states(START - TICK, START))
+    assert rule.objection(START, (1.0,), 1.0) == ""
+    assert rule.objection(START, (1.0,), 1.0) == ""
+    assert "older than the newest state" in rule.objection(0, (500.0,), 2.0)
+    assert "newer than the newest state" in rule.objection(START + SECOND, (500.0,), 2.0)
+    assert "older than the one before" in rule.objection(START - TICK, (1.0,), 2.0)
+    rule = AnswerRule(states(START))
+    assert rule.objection(START + TICK, (2.0,), 3.0) == "stamp 0.001 s newer than the newest state, and of none of the last 0.1 s"
+    assert rule.contradicted == -math.inf, "one may be late"
+
+
+def test_answers_to_no_state_contradict_when_there_are_more_of_them() -> None:
+    recent = states(START)
+    rule = AnswerRule(recent)
+    for k in range(10):
+        recent.add(START + 10 * k * TICK)
+        assert rule.objection(START + 10 * k * TICK, (1.0,), 0.01 * k) == ""
+        assert rule.objection(START + (10 * k + 2) * TICK, (500.0,), 0.01 * k)
+        assert (rule.contradicted > 0.0) == (k >= 2)
+    rare = AnswerRule(recent)
+    for k in range(10):
+        assert rare.objection(0, (500.0,), 0.06 * k)
+    assert rare.contradicted == -math.inf
+
+
+def test_an_answer_that_overtakes_its_state_waits_for_it() -> None:
+    recent = states(START)
+    rule = AnswerRule(recent)
+    assert not rule.wait(START, b"known")
+    assert not rule.wait(START + SECOND, b"far")
+    assert rule.wait(START + 10 * TICK, b"early")
+    assert rule.wait(START + 12 * TICK, b"strange")
+    assert rule.due() == []
+    recent.add(START + 10 * TICK)
+    assert rule.due() == [b"early"]
+    recent.add(START + 20 * TICK)
+    assert rule.due() == [b"strange"], "to be judged, and refused"
+    assert [rule.wait(START + (30 + k) * TICK, b"") for k in range(11)] == [True] * 10 + [False]
+    recent.add(START - SECOND)
+    assert len(rule.due()) == 10, "a new run"
 
 
 def test_two_answers_to_one_state_contradict_each_other() -> None:
-    rule = AnswerRule(age_limit=0.1)
-    assert rule.objection(START, (1.0,), START, 1.0) == ""
+    recent = states(START)
+    rule = AnswerRule(recent)
+    assert rule.objection(START, (1.0,), 1.0) == ""
     assert rule.contradicted == -math.inf
-    assert "contradicts" in rule.objection(START, (2.0,), START, 7.0)
+    assert "contradicts" in rule.objection(START, (2.0,), 7.0)
     assert rule.contradicted == 7.0
-    rule.restart()
-    assert rule.objection(START - SECOND, (1.0,), START - SECOND, 8.0) == ""
+    recent.add(START - SECOND)
+    assert rule.objection(START - SECOND, (1.0,), 8.0) == "", "a new run"
 
 
 def test_a_ramp_takes_its_time() -> None:

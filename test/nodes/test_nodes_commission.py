@@ -57,12 +57,15 @@ def call(graph: Any, kind: Any, name: str, request: Any, limit: float = 60.0) ->
     ],
 )
 def test_set_mode_sets_the_three_switches(
-    together: Callable[..., Any], mode: int, expected: tuple[bool, bool, bool]
+    together: Callable[..., Any], mode: int, expected: tuple[bool, bool, bool], capfd: pytest.CaptureFixture[str]
 ) -> None:
     graph = together("-p", "run_until:=0.0", "-p", "switch1:=true", "-p", "switch3:=true", nodes=GRAPH)
     answer = call(graph, SetMode, "set_mode", SetMode.Request(mode=mode))
     assert (answer.success, answer.message) == (True, "")
     assert switches(graph) == expected
+    said = capfd.readouterr().err
+    assert said.count("[azimuth.commission]: mode ") == 1
+    assert ("[azimuth.identifier]: switch2 on" in said) == expected[1]
 
 
 def test_set_mode_refuses_an_unknown_mode(together: Callable[..., Any]) -> None:
@@ -125,7 +128,7 @@ async def act(graph: Any, kind: Any, name: str, goal: Any, hear: Callable[[Any],
 
 
 def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
-    together: Callable[..., Any], short: list[str], tmp_path: Path
+    together: Callable[..., Any], short: list[str], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     graph = together(*short, nodes=GRAPH)
     heard: list[tuple[float, str]] = []
@@ -141,6 +144,9 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     assert result.dob_relative_error < 0.03
     assert result.parameters.positive.coulomb == pytest.approx(78.1, rel=0.03)
     assert switches(graph) == (False, False, True)
+    said = capfd.readouterr().err
+    assert said.count("[azimuth.identifier]: identifier/identify: coulomb") == 1
+    assert "[azimuth.plant]: waiting: run_until" in said
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
     shares = [share for share, _ in heard]
     assert shares == sorted(shares)

@@ -128,11 +128,23 @@ def test_a_switch_that_somebody_turns_during_a_run_ends_it(together: Callable[..
     assert "node dob: switch1 was changed during the run" in ended.result.message
 
 
-def test_commissioning_comes_to_its_end_in_real_time(
+SLOW_LOOP = {  # gains for 100 Hz, which a busy machine holds; friction shows, for they are low
+    "clock": "real_time",
+    "period": 0.01,
+    "position_proportional": 8.0,
+    "velocity_proportional": 2.5e4,
+    "velocity_integral": 2e5,
+    "velocity_delay": 0.0,
+    "age_limit": 0.3,
+    "watchdog": 0.3,
+}
+
+
+def test_commissioning_in_real_time_succeeds(
     processes: Any, caller: Any, files: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    """No stamp meets the end of a run there. What it concludes depends on the machine, but it is honest."""
-    arguments = files(clock="real_time", period=0.005)
+    """No stamp meets the end of a run there."""
+    arguments = files(**SLOW_LOOP)
     processes.start_graph(*arguments)
     results: list[Any] = []
     stages: list[str] = []
@@ -148,12 +160,10 @@ def test_commissioning_comes_to_its_end_in_real_time(
     assert {"measuring the axis as it is", "measuring friction", "compensating"} <= set(stages), ended.result.message
     assert "tracking error" in ended.result.message
     assert (tmp_path / "real/commission.json").exists()
+    assert ended.result.success, ended.result.message
+    assert ended.result.rms_after < ended.result.rms_before
     parameters = caller.parameters("lugre_compensator", ["switch3", "positive.coulomb"])
-    if ended.result.success:
-        assert ended.result.rms_after < ended.result.rms_before
-        assert parameters == {"switch3": True, "positive.coulomb": ended.result.parameters.positive.coulomb}
-    else:
-        assert parameters == {"switch3": False, "positive.coulomb": 78.1}
+    assert parameters == {"switch3": True, "positive.coulomb": ended.result.parameters.positive.coulomb}
     positions = caller.positions(1.0)
     assert max(positions) - min(positions) < 1e-5, "the axis rests"
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
@@ -96,6 +97,20 @@ def test_what_makes_a_driver_useless_is_named(
     driver.graph.for_seconds(2.2)
     log = capfd.readouterr().err
     assert log.count(words) == 1, "once, and throttled"
+
+
+def test_messages_of_another_joint_are_no_fault_of_the_own_ones(together: Callable[..., Any]) -> None:
+    """Each joint has a driver of its own on one topic; what is said is said of the own one."""
+    watch = together(*REAL_TIME, nodes=["dob"])["dob"]._driver
+    own = serialize_message(JointState(name=["azimuth"], position=[0.0]))
+    other = serialize_message(JointState(name=["elevation"], position=[0.0]))
+    for _ in range(2):
+        for data in (other, own, other):
+            watch._hear(data)
+        found = watch.judge("azimuth")
+        assert (found.useless, len(found.served)) == ("", 2)
+    watch._hear(other)
+    assert watch.judge("azimuth").useless == "joint_states name elevation, expected azimuth"
 
 
 def test_a_driver_that_publishes_best_effort_is_heard(together: Callable[..., Any]) -> None:

@@ -179,7 +179,7 @@ def test_what_is_missing_is_named_after_the_time_limit(
     assert graph["plant"].health.ticks == 0
 
 
-@pytest.mark.parametrize("torque", [math.nan, math.inf, -math.inf, 1.0001e4, -2e4])
+@pytest.mark.parametrize("torque", [math.nan, math.inf, -math.inf, 1000.1, -2e4])
 def test_a_bad_command_is_refused_and_the_axis_stays(together: Callable[..., Any], torque: float) -> None:
     from tcs_friction_msgs.msg import AxisTorque
 

@@ -104,6 +104,13 @@ def test_a_bad_value_at_the_start_is_an_input_error(together: Callable[..., Any]
         together("-p", "torque_limit:=-5.0", nodes=["controller"])
 
 
+def test_static_friction_below_coulomb_friction_is_refused(together: Callable[..., Any]) -> None:
+    node = together(nodes=["lugre_compensator"])["lugre_compensator"]
+    answer = node.set_parameters([Parameter("positive.static", value=50)])[0]
+    assert not answer.successful
+    assert "static is 50, expected coulomb (78.1 N m) or more" in answer.reason
+
+
 def test_a_missing_axis_file_is_an_input_error(together: Callable[..., Any]) -> None:
     with pytest.raises(InputError, match=r"nowhere\.yaml: no such file"):
         together("-p", "axis:=nowhere.yaml", nodes=["controller"])
@@ -113,7 +120,7 @@ def test_defaults_come_from_the_axis_file(together: Callable[..., Any]) -> None:
     graph = together(nodes=["controller", "plant"])
     assert graph["controller"].config.position_proportional == 32.7
     assert isinstance(graph["controller"].config, ControllerConfig)
-    assert graph["plant"].config.command_limit == 1e4
+    assert graph["plant"].config.torque_limit == 1e3
 
 
 HOSTILE = {

@@ -130,10 +130,11 @@ def test_pause_and_resume(play: Any) -> None:
     assert listener.numbers == list(range(300))
 
 
-def test_nothing_is_played_before_everybody_listens(play: Any) -> None:
+def test_nothing_is_played_before_everybody_listens(play: Any, capfd: pytest.CaptureFixture[str]) -> None:
     player, listener, spin = play("delay:=0.0", "subscribers:=2", "topics:=[/a]")
     assert not spin(lambda: bool(listener.heard), 0.7)
     assert player.condition()[0] == "waiting for subscribers of /a"
+    assert "waiting for 2 subscribers of /a; `topics` names what to play" in capfd.readouterr().err
     heard: list[float] = []
     listener.node.create_subscription(Float64, "/a", lambda m: heard.append(m.data), 1000)
     assert spin(lambda: len(heard) >= 300)
@@ -154,6 +155,13 @@ def test_clock(play: Any) -> None:
     assert set(steps.tolist()) == {20_000_000}
     assert listener.clock[0] == EPOCH
     assert len(listener.clock) == pytest.approx(75, abs=2)
+
+
+def test_without_a_clock_it_plays_and_ends(play: Any) -> None:
+    """`use_sim_time` is set for all nodes, and nobody publishes /clock: ROS time stands still."""
+    _, listener, spin = play("use_sim_time:=true", "rate:=20.0", "delay:=0.5")
+    assert spin(lambda: len(listener.heard) >= 300)
+    assert spin(listener.ended.is_set, 5.0)
 
 
 def test_what_cannot_be_played_is_one_line(play: Any) -> None:

@@ -112,6 +112,40 @@ def test_in_real_time_a_plant_without_commands_holds_zero_torque(processes: Any,
     assert wait_until(lambda: any(state[3] != 0.0 for state in listener.states[-20:]), 60.0)
 
 
+def test_in_real_time_a_rival_whose_stamps_are_of_no_state_is_not_obeyed(processes: Any, caller: Any) -> None:
+    """Another process commands half of the torque at once, with stamps 2 ms after those of the states."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    from sensor_msgs.msg import JointState
+    from tcs_friction_msgs.msg import AxisTorque
+
+    from tcs_friction.nodes.wire import TORQUE, JointWire
+
+    loop = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "compensator:=false", "-p", "observer:=false")
+    start(processes, *loop, names=("plant", "reference", "controller"))
+    node, wire = caller.driver, JointWire("azimuth")
+    publisher = node.create_publisher(AxisTorque, "torque_command", 10)
+    states: list[tuple[float, ...]] = []
+    said: set[str] = set()
+    commanding: list[bool] = []
+
+    def on_state(data: bytes) -> None:
+        states.append(wire.read(data))
+        if commanding:
+            publisher.publish(TORQUE.write(states[-1][0] + 2_000_000, 500.0))
+
+    node.create_subscription(JointState, "joint_states", on_state, 100, raw=True)
+    node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: said.update(s.message for s in m.status), 100)
+    assert caller.until(lambda: len(states) > 20 and bool(states[-1][3]), 90.0), processes.log("plant")
+    commanding.append(True)
+    said.clear()
+    begin = len(states)
+    wanted = "2 publishers of torque_command contradict each other"
+    assert caller.until(lambda: len(states) > begin + 50 and any(wanted in text for text in said), 15.0), said
+    assert max(abs(state[2]) for state in states[begin:]) < 1e-3, "the axis stays"
+    assert not any(state[3] for state in states[-20:]), "zero torque"
+    assert any("stamp 0.002 s newer than the newest state, and of none" in text for text in said)
+
+
 def test_in_real_time_a_controller_without_reference_commands_zero_torque(processes: Any, listener: Any) -> None:
     start(processes, "-p", "clock:=real_time", "-p", "period:=0.01", names=LOOP)
     assert wait_until(lambda: any(state[3] != 0.0 for state in listener.states[-50:]), 90.0), listener.health

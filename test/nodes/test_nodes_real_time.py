@@ -204,14 +204,77 @@ def test_wild_inputs_of_the_controller_are_refused_and_a_lost_compensation_fades
     assert controller._state.stamp <= plant._stamp
 
 
+def test_internal_state_that_left_the_range_of_numbers_is_reset_with_a_report(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = ("controller", "dob", "lugre_compensator")
+    settings = ("switch1:=true", "switch3:=true", "compensator:=false", "observer:=false")
+    graph = together(*(word for setting in settings for word in ("-p", setting)), nodes=nodes)
+    controller, dob, compensator = (graph[name] for name in nodes)
+    for node, core in ((controller, "_pid"), (dob, "_observer"), (compensator, "_compensator")):
+        monkeypatch.setattr(getattr(node, core), "step", lambda *_: math.nan)
+    state, reference = JointWire("azimuth").write(0, 0.0, 0.0, 0.0), REFERENCE.write(0, 0.0, 0.0, 0.0)
+    for node in (controller, dob):
+        node._on_state(state)
+    for node in (controller, compensator):
+        node._on_reference(reference)
+    assert TORQUE.read(controller._message)[1] == TORQUE.read(compensator._message)[1] == (0.0,)
+    assert ESTIMATE.read(dob._message)[1][0] == 0.0
+    assert "left the range of numbers: reset" in controller.health.warning
+    assert "observer reset" in dob.health.warning
+    assert "compensation reset" in compensator.health.warning
+
+
+def test_a_lost_compensation_fades_out_of_the_command(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The axis stays at its reference, so that the command is the compensation. It stops after three seconds."""
+    from tcs_friction.nodes import controller as module
+    from tcs_friction.nodes import joint_input
+
+    controller = together(*REAL_TIME, "-p", "observer:=false", nodes=["controller"])["controller"]
+    commands: list[float] = []
+
+    class Outlet:
+        now = 100.0
+
+        def publish(self, data: bytes) -> None:
+            commands.append(TORQUE.read(data)[1][0])
+
+        def monotonic(self) -> float:
+            return self.now
+
+    outlet = Outlet()
+    monkeypatch.setattr(controller, "_publisher", outlet)
+    for part in (module, joint_input):
+        monkeypatch.setattr(part, "time", outlet)
+    for k in range(500):
+        outlet.now += PERIOD
+        stamp = 10**18 + round(k * PERIOD * 1e9)
+        if k % 2:  # answers that overtake their state are used as well
+            controller._on_reference(REFERENCE.write(stamp, 0.0, 0.0, 0.0))
+        controller._on_state(JointWire("azimuth").write(stamp, 0.0, 0.0, 0.0))
+        if not k % 2:
+            controller._on_reference(REFERENCE.write(stamp, 0.0, 0.0, 0.0))
+        if k < 300:
+            controller._on_compensation(TORQUE.write(stamp, 80.0))
+    slowest = 80.0 * PERIOD / controller.config.ramp_time
+    assert max(abs(b - a) for a, b in itertools.pairwise(commands)) <= slowest * 1.001
+    stopped = len(commands) - 200
+    assert commands[stopped] == 80.0
+    assert commands[stopped + 55] == pytest.approx(40.0, abs=5.0), "age_limit, and half of ramp_time"
+    assert commands[-1] == 0.0
+    assert controller.health.refused == 0
+
+
 def test_a_stale_command_is_not_obeyed(together: Callable[..., Any]) -> None:
     graph = together(*REAL_TIME, nodes=["plant"])
     plant = graph["plant"]
     graph.for_seconds(0.3)
-    for stamp in (0, plant._stamp - 10**9, plant._stamp + 10**9, UNREADABLE):
+    for stamp in (0, plant._stamp - 10**9, plant._stamp + 10**9, plant._stamp + 2 * 10**6, UNREADABLE):
         plant._on_command(TORQUE.write(max(stamp, 0), 500.0))
         graph.for_seconds(0.1)
-    assert plant.health.refused == 4
+    assert plant.health.refused == 5
+    plant._on_command(TORQUE.write(plant._stamp, 1000.1))
+    assert "torque_command (1000.1 N m was refused, the limit is 1000)" in plant.health.report(0.0).values()
     assert plant._simulator.velocity == pytest.approx(0.0, abs=1e-5)
     plant._on_command(TORQUE.write(plant._stamp, 500.0))
     assert graph.until(lambda: plant._simulator.velocity > 1e-4, 5.0)
@@ -224,8 +287,8 @@ def test_two_controllers_are_named_and_the_axis_holds_zero_torque(together: Call
     plant = graph["plant"]
     publisher = graph.driver.create_publisher(AxisTorque, "torque_command", 10)
     rival = graph.driver.create_timer(0.01, lambda: publisher.publish(TORQUE.write(plant._stamp, 123.0)))
-    assert graph.until(lambda: "torque_command" in plant.rivals.topics, 20.0)
-    assert "/azimuth/controller" in plant.health.problem
+    assert graph.until(lambda: "/azimuth/controller" in plant.health.problem, 20.0)
+    assert plant.rivals.topics == {"torque_command"}
     assert "/azimuth/driver" in plant.health.problem
     graph.for_seconds(0.1)
     assert plant._ramp.value == 0.0
@@ -247,12 +310,35 @@ def test_two_plants_are_named_and_the_controller_commands_zero_torque(together: 
     controller = graph["controller"]
     publisher = graph.driver.create_publisher(JointState, "joint_states", 10)
     wire = JointWire("azimuth")
-    graph.driver.create_timer(0.01, lambda: publisher.publish(wire.write(graph["plant"]._stamp - 5_000_000, 0.0, 0.0, 0.0)))
-    assert graph.until(lambda: "joint_states" in controller.rivals.topics, 20.0)
-    assert "2 publishers of joint_states contradict each other" in controller.health.problem
     watch = Watch(graph)
+    assert graph.until(lambda: controller.count_publishers("joint_states") == 2 and len(watch.torques) > 5, 20.0)
+    before = max(map(abs, watch.torques))
+    graph.driver.create_timer(0.01, lambda: publisher.publish(wire.write(graph["plant"]._stamp + 1_000_000, 3e-3, 0.0, 0.0)))
+    assert graph.until(lambda: "joint_states" in controller.rivals.topics, 20.0)
+    heard = len(watch.torques)
     graph.for_seconds(0.3)
-    assert not any(watch.torques[2:])
+    assert "2 publishers of joint_states contradict each other" in controller.health.problem
+    assert max(map(abs, watch.torques)) < before + 50.0, "never on a position 3 mrad away"
+    assert not any(watch.torques[heard + 2 :])
+
+
+def test_a_silent_second_controller_is_a_rival_once_it_cannot_be_a_dead_one(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tcs_friction_msgs.msg import AxisTorque
+
+    from tcs_friction.nodes import rivals
+
+    monkeypatch.setattr(rivals, "LEASE", 1.0, raising=False)
+    graph = running(together(*REAL_TIME))
+    plant = graph["plant"]
+    second = graph.driver.create_publisher(AxisTorque, "torque_command", 10)
+    assert graph.until(lambda: "2 publishers of torque_command: " in plant.health.warning, 5.0)
+    assert not plant.rivals.topics
+    assert graph.until(lambda: "2 publishers of torque_command, expected one: /azimuth/controller" in plant.health.problem, 5.0)
+    assert graph.until(lambda: "two publishers of torque_command" in plant.health.warning, 2.0)
+    graph.driver.destroy_publisher(second)
+    assert graph.until(lambda: plant._ramp.value == 1.0, 20.0)
 
 
 class Steady:
@@ -307,6 +393,26 @@ def test_torque_comes_and_goes_slowly_and_ends_when_commands_end(
     assert held[28] == pytest.approx(100.0, abs=NOISE)
     assert held[-5:] == pytest.approx([0.0] * 5, abs=NOISE)
     assert "holding zero torque" in plant.health.warning
+
+
+def test_a_plant_that_is_shut_down_lets_the_torque_go_slowly_and_is_finalized(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lifecycle_msgs.srv import GetState
+
+    graph = together(*REAL_TIME, nodes=["plant"])
+    plant = graph["plant"]
+    clock = Steady(plant, monkeypatch)
+    ramp = 100.0 * PERIOD / plant.config.ramp_time
+    before = clock.run(60, 100.0)[-1]
+    plant.trigger_shutdown()
+    going = clock.run(60, 100.0)
+    assert max(abs(b - a) for a, b in itertools.pairwise([before, *going])) <= ramp + NOISE
+    assert going[25] == pytest.approx(50.0, abs=10.0)
+    assert going[-1] == pytest.approx(0.0, abs=NOISE)
+    assert plant.health.values["life cycle"] == "finalized"
+    assert "finalized: no torque until the node is started anew" in plant.health.warning
+    assert call(graph, GetState, "plant/get_state", GetState.Request()).current_state.label == "finalized"
 
 
 def test_no_torque_that_makes_a_fast_axis_faster(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

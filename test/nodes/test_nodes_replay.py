@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+import yaml
 from conftest import wait_until
 from rclpy.executors import SingleThreadedExecutor
 from tcs_friction_msgs.srv import Identify
@@ -29,7 +32,7 @@ LAW = ("coulomb", "static", "stribeck_velocity", "stiffness")
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> tuple[Path, Path]:
-    """A bag of a measuring run, with joint states and the observer's estimates as the graph records them, and its axis file."""
+    """A bag of a measuring run, with what the graph records of it, and its axis file."""
     file = load_axis(CONFIG / "azimuth_1p2m.yaml")
     assert file.signals is not None
     file = replace(file, axis=replace(file.axis, effects=()), signals=replace(file.signals, reference=None))
@@ -43,6 +46,7 @@ def recorded(tmp_path: Path) -> tuple[Path, Path]:
         "joint_states": [run.t, run.position, run.velocity, run.torque],
         "friction_estimate": [run.t, run.friction_estimate, run.velocity, run.rest_estimate, np.ones(len(run.t))],
     }
+    columns["true_friction"] = columns["friction_estimate"]  # which nobody takes
     kept = {name: [column[keep] for column in entry] for name, entry in columns.items()}
     Run("azimuth", kept).write(tmp_path / "bag", "/azimuth")
     return tmp_path / "bag", tmp_path / "axis.yaml"
@@ -74,20 +78,38 @@ def found(directory: Path) -> dict[str, Any]:
     return {name: item["value"] for name, item in content["parameters"].items() if item["determined"]}
 
 
-def test_a_run_played_back_is_identified_as_its_bag_is(
+def recipe(**names: object) -> list[list[str]]:
+    """The commands of the recipe in docs/bags.md, as a shell splits them, with its capital words replaced."""
+    text = (CONFIG.parent / "docs/bags.md").read_text()
+    _, _, rest = text.partition("the command finds in the bag:\n\n")
+    lines = [line.strip() for line in rest.partition("\n\nThe result")[0].splitlines()]
+    for word, value in names.items():
+        lines = [re.sub(rf"\b{word}\b", str(value), line) for line in lines]
+    return [shlex.split(line) for line in lines]
+
+
+def test_a_run_played_back_as_the_documentation_says_is_identified_as_its_bag_is(
     processes: Any, call: Callable[..., Any], recorded: tuple[Path, Path], tmp_path: Path
 ) -> None:
+    """Played faster, with a second identifier beside the first and results elsewhere; else word by word."""
     bag, axis = recorded
-    arguments = ("-p", f"axis:={axis}", "-p", f"period:={PERIOD}", "-p", f"results:={tmp_path}")
-    processes.start("identifier", *arguments)
-    processes.start("identifier", *arguments, "-p", "switch2:=true", "-r", "__node:=observing", label="observing")
-    processes.start("player", "-p", f"bag:={bag}", "-p", f"rate:={RATE}", "-p", "subscribers:=2", "-p", "delay:=2.0")
+    identifier, player, service = recipe(BAG=bag, AXIS=axis.with_suffix(""), OUT="states")
+    for command in (identifier, player):
+        assert command[:2] == ["./tcs", "node"]
+        assert command[3] == "--ros-args"
+    more = ("-p", f"period:={PERIOD}", "-p", f"results:={tmp_path}")
+    processes.start(identifier[2], *identifier[4:], *more)
+    observing = ("-p", "switch2:=true", "-r", "__node:=observing")
+    processes.start(identifier[2], *identifier[4:], *more, *observing, label="observing")
+    processes.start(player[2], *player[4:], "-p", f"rate:={RATE}", "-p", "subscribers:=2", "-p", "delay:=2.0")
     assert cli.main(["identify", str(bag), "--axis", str(axis), "-o", str(tmp_path / "offline")]) == 0
     offline = found(tmp_path / "offline")
     assert offline["coulomb"] == pytest.approx(78.1, rel=0.02)
     assert wait_until(lambda: not processes.alive("player"), 40.0), processes.log("player")
 
-    answer = call(Identify, "identifier/identify", Identify.Request(directory="states"))
+    assert service[:3] == ["ros2", "service", "call"]
+    assert service[4] == "tcs_friction_msgs/srv/Identify"
+    answer = call(Identify, service[3], Identify.Request(**yaml.safe_load(service[5])))
     assert answer.success, answer.message
     assert "7501 live joint states" in answer.message
     assert found(tmp_path / "states") == offline  # the same samples, so the same numbers

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcs_friction.nodes.health import Health
+from tcs_friction.nodes.health import Health, Judgement
+from tcs_friction.nodes.log_lines import Problems, Warnings
 from tcs_friction.nodes.series import Series
 
 
@@ -43,6 +44,38 @@ def test_health_reports_the_rate_between_reports() -> None:
     health.report(10.0)
     health.ticks = 500
     assert health.report(10.5)["rate [1/s]"] == "1000.0"
+
+
+def test_health_shows_the_limits_beside_what_they_limit() -> None:
+    health = Health()
+    assert not [name for name in health.report(1.0) if "limit" in name], "lock-step has none"
+    health.judge(2.0, Judgement(period=0.01, age_limit=0.1))
+    values = health.report(2.0)
+    assert values["rate, limits [1/s]"] == "90.0 to 110.0"
+    assert values["overruns, limit [1/s]"] == "5.0"
+    assert values["age of inputs, limit [s]"] == "0.100"
+
+
+def test_a_second_problem_is_logged_while_another_stands() -> None:
+    lines = Problems()
+    assert lines.lines({"a": "no reference for 1.0 s"}) == ["no reference for 1.0 s"]
+    assert lines.lines({"a": "no reference for 2.0 s", "b": "no joint_states"}) == ["no joint_states"]
+    assert lines.lines({"b": "no joint_states"}) == []
+    assert lines.lines({"a": "no reference", "b": "two drivers"}) == ["no reference", "two drivers"]
+    assert lines.lines({}) == []
+    assert not lines.any
+
+
+def test_warnings_that_were_held_back_are_counted_and_the_last_is_logged() -> None:
+    lines = Warnings(every=10.0)
+    assert lines.line("late by 3 ms", 0.0) == "late by 3 ms"
+    assert lines.line("late by 4 ms", 1.0) == ""
+    assert lines.line("refused", 2.0) == ""
+    assert lines.line("refused again", 3.0) == ""
+    assert lines.line("", 4.0) == ""
+    assert lines.line("", 10.0) == "refused again (the last of 2 different warnings since the line before)"
+    assert lines.line("", 30.0) == ""
+    assert lines.line("late by 5 ms", 31.0) == "late by 5 ms"
 
 
 def test_health_remembers_why_an_input_was_refused() -> None:
