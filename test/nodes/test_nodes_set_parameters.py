@@ -22,6 +22,7 @@ REMEMBERED = {
     "_waiting",  # a reference that was set begins when the axis is heard
     "_said",
     "_accepted",
+    "_order",  # stamps of recent states
 }
 """Attributes that tell what has happened, and not how the node is set."""
 
