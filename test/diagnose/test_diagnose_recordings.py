@@ -103,12 +103,18 @@ def test_the_offset_of_the_ball_screw_is_friction_by_direction(shared_data: Path
     assert abs(left[2]["bias"]) < 0.3
 
 
-@pytest.mark.parametrize("name", ["bam_sin_sin_kp200", "bam_sin_sin_kp800"])
-def test_pendulum_on_a_servo(name: str, shared_data: Path) -> None:
-    """Real, 6 s: gravity, which over a quarter of a turn is hardly to be told from a cable."""
-    found = diagnosed(shared_data / "data" / name)
-    assert named(found, "imbalance") is found.effects[0]
+def test_pendulum_on_a_servo(shared_data: Path) -> None:
+    """Real, 6 s: gravity, which over a third of a turn is hardly to be told from a cable."""
+    found = diagnosed(shared_data / "data" / "bam_sin_sin_kp800")
+    assert [named(found, "imbalance")] == list(found.effects)
     assert found.free_run["improved"] < 0.5 * found.free_run["retuned"]
+
+
+def test_pendulum_on_a_soft_servo(shared_data: Path) -> None:
+    """Real, 6 s: gravity over a quarter of a turn comes first, and beside so much that is not understood it is no name."""
+    found = diagnosed(shared_data / "data" / "bam_sin_sin_kp200")
+    assert found.effects == ()
+    assert found.described[0].effect == "imbalance"
 
 
 def test_load_dependent_friction_of_a_servo_is_not_to_be_seen(shared_data: Path) -> None:
@@ -131,9 +137,11 @@ def test_load_dependent_friction_of_a_servo_is_not_to_be_seen(shared_data: Path)
 
 
 def test_slow_motor(shared_data: Path) -> None:
-    """Real, 10 s, irregular sampling, one direction: cogging of 7 per turn, and no other kind of effect."""
+    """Real, 10 s, irregular sampling, one direction: cogging of 7 per turn, twice and of the 12 slots, and no other kind."""
     found = diagnosed(shared_data / "data" / "odrive_slow")
-    assert named(found, "cogging").parameters["order"]["value"] == pytest.approx(7.0, abs=0.1)
+    orders = [item.parameters["order"]["value"] for item in found.effects]
+    assert orders[0] == pytest.approx(7.0, abs=0.1)
+    assert all(min(abs(order - k) for k in (7.0, 12.0, 14.0)) < 0.15 for order in orders)
     assert {item.effect for item in found.effects} == {"cogging"}
     assert found.improved.held_out < 0.6 * found.retuned.held_out
 

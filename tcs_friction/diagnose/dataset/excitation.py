@@ -139,8 +139,8 @@ def _direction(data: DataSet, moving: np.ndarray) -> list[Limit]:
         way = "positive" if share > 0.5 else "negative"
         return [
             Limit(
-                f"never reverses (moves in the {way} direction only): dry friction cannot be told from a constant torque, and "
-                "direction, pre-sliding and backlash cannot be judged",
+                f"never reverses (moves in the {way} direction only): dry friction cannot be told from a constant torque, "
+                "nor its change over the position from a torque's, and direction, pre-sliding and backlash cannot be judged",
                 frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS}),
             )
         ]

@@ -34,10 +34,14 @@ from scipy import stats
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
-from tcs_friction.physics.terms import Instance
+from tcs_friction.diagnose.search.matched_filter import wave_angle
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance, Place
 
 FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
+PLACES = 24  # of equal length in the travel, over which a mean is what depends on the position
+NEXT_ORDERS = 8  # on either side: one period more in the recording is the next one
 AROUND_AN_ORDER = 0.125  # of what is left: it would have to be in a few lines for more of it to be around one order
 LEAST_LEFT = 2e-3  # of the noise power, that nobody would see: what one name out of all needs in 15 000 independent samples
 
@@ -67,7 +71,8 @@ class Agreement:
 def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance) -> Agreement:
     """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted.
 
-    A wave can be a part of no more than what is left around its order.
+    A wave can be a part of no more than what is left around its order, a torque of the position of no more than depends on that.
+    What collisions leave is theirs: none comes at its exact time.
     """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
@@ -80,10 +85,40 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
     seen = size * level > 0.0
     multiples, variances = together[seen] / size[seen], 1.0 / (size[seen] * level)
     mean, deviation = random_effects(multiples, variances)
-    share = AROUND_AN_ORDER if item.term.periodic else 1.0
     judging = balance.held_out & ~_where_it_begins(balance, item)
     held = judging if judging.any() else balance.train
+    share = _share_that_it_could_be(balance, fit.axis, item, after)
     return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, held, share))
+
+
+def _share_that_it_could_be(balance: TorqueBalance, axis: Axis, item: Instance, left: np.ndarray) -> float:
+    """Share of what is left, from a residual (n,), that an effect of this axis could be a part of."""
+    if item.term.collides:
+        return 0.0
+    usable = balance.train | balance.held_out
+    left = left[usable]
+    if item.term.periodic:
+        angle = wave_angle(balance, axis, item.term)[usable]
+        return min(_power_around(angle, item.order, left) / float(left @ left), AROUND_AN_ORDER)
+    if item.term.place is Place.OPPOSING and item.term.coordinate == "position" and not item.term.states:
+        return _power_over(balance.data.joined("position")[usable], left) / float(left @ left)
+    return 1.0
+
+
+def _power_around(angle: np.ndarray, order: float, left: np.ndarray) -> float:
+    """Sum of squares of a series (n,) in waves over an angle (n,) of an order and of those next to it."""
+    once = 2.0 * math.pi / max(float(np.ptp(angle)), 1e-300)
+    orders = order + once * np.arange(-NEXT_ORDERS, NEXT_ORDERS + 1)
+    phases = np.outer(angle, orders[orders > 0.0])
+    columns = np.concatenate([np.cos(phases), np.sin(phases)], axis=1)
+    return float(left @ columns @ np.linalg.lstsq(columns.T @ columns, columns.T @ left, rcond=1e-9)[0])
+
+
+def _power_over(position: np.ndarray, left: np.ndarray) -> float:
+    """Sum of squares of a series (n,) in its means over equal parts of the travel."""
+    part = (position - position.min()) / max(float(np.ptp(position)), 1e-300)
+    place = np.minimum(part * PLACES, PLACES - 1).astype(int)
+    return float(np.sum(np.bincount(place, left) ** 2 / np.maximum(np.bincount(place), 1)))
 
 
 def _where_it_begins(balance: TorqueBalance, item: Instance) -> np.ndarray:

@@ -88,8 +88,7 @@ class _Proof:
         penalty = count * math.log(self.balance.samples.effective_count)
         certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
         agreement = agreement_on(self.balance, fit, alone, item)
-        if not item.term.collides:  # no collision comes at its exact time: pieces scatter, and as much may be left
-            certainty *= agreement.probability
+        certainty *= agreement.explained if item.term.collides else agreement.probability  # collisions scatter between pieces
         left = rms(before[held]), rms(after[held])
         return Found(
             instance=item,

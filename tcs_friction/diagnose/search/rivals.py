@@ -11,6 +11,8 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, settle
 from tcs_friction.diagnose.fit.noise_estimate import misfit
@@ -27,6 +29,7 @@ from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, threshold
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
+from tcs_friction.diagnose.search.waves import wave_start
 from tcs_friction.physics.terms import Instance
 
 FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
@@ -95,6 +98,7 @@ def contest_for_place(
     rivals = [  # the effect in place had its own confirmation: gains are compared as fitted
         replace(c, gain=gains[id(c.fit)]) if c.gain > STILL_WINNING * gains[id(c.fit)] else c for c in confirmed
     ]
+    rivals += _of_the_same_order(balance, alone, item, dispersion)
     rivals.sort(key=lambda rival: -rival.score)
     count = fit.numbers_of(item)
     tie = max(DISTINGUISHABLE * misfit(balance, balance.residual(fit.axis, fit.noise)), IMPERFECT * gain)
@@ -121,3 +125,26 @@ def _through_the_same_signal(
     found = [start for term in others for start in starts(projected, term, item.signal)[:1]]
     kinds = {start.kinds for start in known}
     return [start for start in found if start.kinds not in kinds]
+
+
+def _of_the_same_order(balance: TorqueBalance, alone: Fit, item: Instance, dispersion: float) -> list[Candidate]:
+    """Other effects that are waves over the position with an effect's order, or with the whole number next to it if they need one.
+
+    In steady motion one way a torque, a friction and a gain of the drive with the same wave do nearly the same.
+    """
+    if item.term.periodic != "position":
+        return []
+    projected, result = ProjectedResidual(balance, alone), []
+    for term, _ in eligible(alone.axis, balance):
+        whole = term.whole and alone.axis.kind == "rotary"
+        order = max(round(item.order), 1) if whole else item.order
+        same = term.periodic == "position" and term is not item.term
+        start = wave_start(projected, term, order, alternatives=1.0) if same else None
+        if start is None:
+            continue
+        axis = alone.axis.with_effect(start.instance)
+        fit = replace(alone, axis=axis, free=tuple(balance.free(axis)))
+        if doubtful_size(balance, fit, start.instance) is None:
+            limit = threshold(balance, [term], start.count)
+            result.append(Candidate(start.gain / dispersion, limit, fit, replace(start, columns=np.empty((0, 0)))))
+    return result

@@ -85,10 +85,11 @@ def select_effects(
     """
     fit, rounds = base, list[tuple[Candidate, ...]]()
     alternatives: dict[Kind, float] = {}
-    law_is_open, met = True, {_kinds(fit)}
+    law_is_open, met, refused = True, {_kinds(fit.axis)}, set[frozenset[tuple[Kind, float]]]()
     for number in range(MOST_EFFECTS + MOST_LAWS):
         progress(min(0.2 + 0.1 * number, 0.7), f"round {number + 1}: {len(fit.axis.effects)} effects")
         candidates = one_round(balance, fit, excluded | _confused_with_collisions(fit))
+        candidates = [c for c in candidates if _kinds(c.fit.axis) not in refused]
         best = _worth_adding(balance, base, fit, candidates)
         if law_is_open or best is None or any(item.term.features for item in best.items):
             law = _better_law(balance, fit, believed, excluded, 0.0 if best is None else best.score)
@@ -107,15 +108,17 @@ def select_effects(
         fit = with_offsets_joined(balance, fit, retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)
-        if _kinds(fit) in met or (len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit)):
-            break  # what was pruned again would come back in every further round
-        met.add(_kinds(fit))
+        if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
+            break
+        if _kinds(fit.axis) in met:  # what was pruned again would come back in every further round
+            refused.add(_kinds(best.fit.axis))
+        met.add(_kinds(fit.axis))
     return Selection(retuned, base, fit, tuple(rounds))
 
 
-def _kinds(fit: Fit) -> frozenset[tuple[Kind, float]]:
-    """The friction law and the kinds of effects of a fit, waves with their orders to a hundredth."""
-    items = [fit.axis.friction, *fit.axis.effects]
+def _kinds(axis: Axis) -> frozenset[tuple[Kind, float]]:
+    """The friction law and the kinds of effects of an axis, waves with their orders to a hundredth."""
+    items = [axis.friction, *axis.effects]
     return frozenset((kind_of(item), round(item.order, 2) if item.term.periodic else 0.0) for item in items)
 
 

@@ -42,7 +42,7 @@ def periodic_starts(projected: ProjectedResidual, term: Term, view: Survey) -> l
         own: Start | None = None
         for divisor in range(1, harmonics + 1):
             order = float(grid[index]) / divisor
-            start = None if order < grid[0] else _wave_start(projected, term, order, alternatives)
+            start = None if order < grid[0] else wave_start(projected, term, order, alternatives)
             if start is None:
                 continue
             start = replace(start, noise_excess=float(excess[index]))
@@ -63,7 +63,7 @@ def _highest_peaks(gain: np.ndarray) -> list[int]:
     return peaks
 
 
-def _wave_start(
+def wave_start(
     projected: ProjectedResidual, term: Term, order: float, alternatives: float
 ) -> Start | None:
     """The start of a wave of this order, None where the axis has that wave."""

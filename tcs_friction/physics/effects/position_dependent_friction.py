@@ -9,6 +9,7 @@ from tcs_friction.physics.terms import (
     CYCLE,
     DRY_SCALE,
     POSITION,
+    Need,
     Parameter,
     Place,
     Role,
@@ -54,5 +55,6 @@ TERM = Term(
     reads=(),
     coordinate="position",
     periodic="position",
+    needs=frozenset({Need.BOTH_DIRECTIONS}),
     orders=orders,
 )
