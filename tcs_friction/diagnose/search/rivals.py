@@ -128,7 +128,7 @@ def _through_the_same_signal(
 
 
 def _of_the_same_order(balance: TorqueBalance, alone: Fit, item: Instance, dispersion: float) -> list[Candidate]:
-    """Other effects that are waves over the position with an effect's order, or with the whole number next to it if they need one.
+    """Other effects that are waves over the position with an effect's order, or the whole number next to it if they need one.
 
     In steady motion one way a torque, a friction and a gain of the drive with the same wave do nearly the same.
     """
