@@ -107,9 +107,9 @@ def _explanation(
 ) -> Explanation:
     """The map that stands for all effects, or the effects after their contests with a map for the rest."""
     if left.instead is not None:
-        return Explanation(selection.retuned, left.instead.fit, left.instead.structure, selection.rounds)
+        return Explanation(selection.retuned, selection.retuned, left.instead.fit, left.instead.structure, selection.rounds)
     chosen, lacking = lacks(balance, left.fit, believed)
     kept = Selection(selection.retuned, selection.base, chosen, selection.rounds)
     fit, contests = contested(balance, kept, progress)
     improved = fit if left.structure is None else with_map(balance, fit, left.structure)
-    return Explanation(selection.retuned, improved, left.structure, selection.rounds, contests, lacking)
+    return Explanation(selection.retuned, fit, improved, left.structure, selection.rounds, contests, lacking)

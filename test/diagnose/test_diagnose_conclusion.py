@@ -56,7 +56,7 @@ def concluded(
     fitted: tuple[TorqueBalance, Fit, Fit], *contests: Contest, improved: Fit | None = None
 ) -> Diagnosis:
     balance, retuned, both = fitted
-    return conclude(balance, AxisFile(axis()), Explanation(retuned, improved or both, None, (), contests))
+    return conclude(balance, AxisFile(axis()), Explanation(retuned, improved or both, improved or both, None, (), contests))
 
 
 @pytest.fixture
@@ -147,9 +147,46 @@ def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, F
     assert far.unexplained.where is not None
     assert far.unexplained.where["coordinates"] == ["time"]
     known = AxisFile(improved.axis)
-    assert conclude(balance, known, Explanation(improved, improved, None)).verdict is Verdict.MATCH
+    assert conclude(balance, known, Explanation(improved, improved, improved, None)).verdict is Verdict.MATCH
     wrong = AxisFile(replace(improved.axis, inertia=1.3 * improved.axis.inertia))
-    assert conclude(balance, wrong, Explanation(improved, improved, None)).verdict is Verdict.PARAMETERS
+    assert conclude(balance, wrong, Explanation(improved, improved, improved, None)).verdict is Verdict.PARAMETERS
+
+
+def test_effects_with_which_a_simulation_moves_worse_are_not_named(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They predict the torque well, but what they say of the motion is wrong."""
+    _, _, improved = fitted
+    contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
+    monkeypatch.setattr(conclusion, "free_run", lambda _, axis: 1.0 + len(axis.effects))
+    found = concluded(fitted, *contests)
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert found.effects == ()
+    assert {one.effect for one in found.described} == {"torque_bias", "coulomb_asymmetry"}
+    assert "a simulation with that moves worse: it is described and not named" in found.statement
+    assert "compensator" not in found.statement
+
+
+def test_a_map_with_which_a_simulation_moves_worse_takes_no_name_away(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    balance, retuned, both = fitted
+    mapped = unfitted(balance, both.axis.with_effect(SHARED), both.noise)
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    runs = {2: 1.0, 3: 3.0}  # of the axis with the two effects, and with what stands for a map
+    monkeypatch.setattr(conclusion, "free_run", lambda _, axis: runs.get(len(axis.effects), 2.0))
+    found = conclude(balance, AxisFile(axis().with_effect(SHARED)), Explanation(retuned, both, mapped, None, (), contests))
+    assert {one.effect for one in found.effects} == {"torque_bias", "coulomb_asymmetry"}
+
+
+def test_what_a_map_predicts_is_no_proof_of_an_effect(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    """A small effect beside a large torque of unknown cause, which the map takes away."""
+    balance, retuned, both = fitted
+    alone = unfitted(balance, both.axis.without_effect(ASYMMETRY), both.noise)
+    small = contest(balance, alone, BIAS.identity)
+    found = conclude(balance, AxisFile(axis()), Explanation(retuned, alone, both, None, (), (small,)))
+    (bias,) = [one for one in found.described if one.effect == "torque_bias"]
+    assert bias.agreement.explained < 0.5
 
 
 def test_a_fit_that_was_cut_short_is_said(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:

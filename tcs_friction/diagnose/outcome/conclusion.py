@@ -55,19 +55,23 @@ class _Conclusion:
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
         located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
         every = found_effects(self.balance, self.explanation, believed)
-        found, described = (tuple(one for one in every if one.established is which) for which in (True, False))
+        runs = {name: free_run(data, axis) for name, axis in axes.items()}
+        established = tuple(one for one in every if one.established)
+        slower = bool(established) and self._moves_worse(runs)
+        found = () if slower else established
+        described = tuple(one for one in every if one not in found)
         floor = noise_floor(self.balance, residuals["improved"])
         unexplained = self._unexplained(errors, floor, described)
-        runs = {name: free_run(data, axis) for name, axis in axes.items()}
         verdict = self._verdict(errors, unexplained, found, runs)
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
         lines = (*limits(data, believed), *passed_once(data, [i for i in fit.axis.effects if not i.term.tabulated]))
         law = fit.axis.friction.term.words if fit.axis.friction.term is not believed.friction.term else ""
-        slower = bool(found) and runs["improved"] > runs["retuned"]
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
             verdict=verdict,
-            statement=statement(verdict, found, unexplained, errors, floor, lines, believed.kind, mapped, late, law, slower),
+            statement=statement(
+                verdict, established, unexplained, errors, floor, lines, believed.kind, mapped, late, law, slower
+            ),
             effects=found,
             described=described,
             unexplained=unexplained,
@@ -92,6 +96,14 @@ class _Conclusion:
                 self.explanation.lacks,
             ),
         )
+
+    def _moves_worse(self, runs: Mapping[str, float]) -> bool:
+        """Whether a simulation moves worse with what was found than without, whether a map is in it or not."""
+        if runs["improved"] <= runs["retuned"]:
+            return False
+        if self.explanation.unmapped is self.explanation.improved:
+            return True
+        return free_run(self.balance.data, self.explanation.unmapped.axis) > runs["retuned"]
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)

@@ -16,11 +16,13 @@ from tcs_friction.physics.terms import Instance
 class Explanation:
     """What search and remainder found.
 
-    retuned: fit of what the model has alone. improved: fit with effects and map. structure: what the effects leave, or what a map
-    stands for. rounds: candidates of each round. contests: of every effect found. lacks: of the believed friction law.
+    retuned: fit of what the model has alone. unmapped: fit with the effects. improved: fit with effects and map. structure: what
+    the effects leave, or what a map stands for. rounds: candidates of each round. contests: of every effect found. lacks: of the
+    believed friction law.
     """
 
     retuned: Fit
+    unmapped: Fit
     improved: Fit
     structure: Structure | None
     rounds: tuple[tuple[Candidate, ...], ...] = ()

@@ -81,8 +81,11 @@ class _Proof:
         gain: float,
         count: int,
     ) -> Found:
-        """An effect with this torque (n,), which `count` free numbers and this gain tell from the fit without it."""
-        fit = self.fit
+        """An effect with this torque (n,), which `count` free numbers and this gain tell from the fit without it.
+
+        A map has no part in it: what it predicts is no proof of an effect.
+        """
+        fit = self.explanation.unmapped
         before, after = self.residual(alone.axis), self.residual(fit.axis)
         held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
         penalty = count * math.log(self.balance.samples.effective_count)
