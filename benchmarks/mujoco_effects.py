@@ -69,8 +69,12 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+PASSED = 5.0  # waves of cogging in the travel, at least: what comes by less often is no wave that anybody could know
+
+
 def cogging(s: Setting) -> Truth:
-    poles = int(s.rng.integers(18, 97)) if s.telescope else int(s.rng.integers(8, 61))
+    fewest = math.ceil(PASSED * 2.0 * math.pi / float(np.ptp(s.motion.position)))
+    poles = int(s.rng.integers(18, 97)) if s.telescope else int(s.rng.integers(max(8, fewest), 61))
     amplitude, phase = math.sqrt(2.0) * s.torque, s.between(0.0, 6.28)
     s.model.actuators.append(
         '<dcmotor name="cogging" joint="axis" motorconst="1e-9" resistance="1" input="none" '

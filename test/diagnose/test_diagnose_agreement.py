@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from concealed_torque_cases import axis, conditioned, settled, unfitted
+from concealed_torque_cases import Torque, axis, conditioned, settled, unfitted
 
 from tcs_friction.diagnose.outcome.agreement import FEWEST_PIECES, Agreement, agreement_on, random_effects
 from tcs_friction.physics.registry import effect
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.terms import Instance, instance
 
 
 def test_the_interval_of_a_mean_over_scattering_pieces_covers_it() -> None:
@@ -75,3 +75,27 @@ def test_an_event_in_held_out_data_is_not_judged_by_its_moment() -> None:
     late = instance(effect("load_step"), {"step": 4.0, "time": begins + 0.45 * block})
     known = agreement_on(balance, unfitted(balance, axis().with_effect(late), retuned.noise), retuned, late)
     assert known.explained > 0.98
+
+
+def explained(item: Instance, torque: Torque) -> float:
+    """The share that a torque of the right size explains beside another one that no model has."""
+    balance, retuned = settled(conditioned(np.random.default_rng(5), torque, seconds=300.0))
+    without = unfitted(balance, axis(), retuned.noise)
+    return agreement_on(balance, unfitted(balance, axis().with_effect(item), retuned.noise), without, item).explained
+
+
+def test_a_wave_is_a_part_of_what_is_left_around_its_order_only() -> None:
+    """An eighth of what is left at most, since more of it has to be in a few lines to be around one order."""
+    wave = instance(effect("cogging"), {"order": 20.0, "amplitude": 2.0, "phase": -0.5 * math.pi})
+    in_time = explained(wave, lambda m: 2.0 * np.sin(20.0 * m.q) + 4.0 * np.sin(9.0 * m.t))
+    beside = explained(wave, lambda m: 2.0 * np.sin(20.0 * m.q) + 4.0 * np.sin(22.0 * m.q))
+    assert in_time > 0.9
+    assert 0.5 < beside < 0.8, "4 / (4 + 16 / 8), but for what the two have in common"
+
+
+def test_a_torque_of_the_position_is_a_part_of_what_depends_on_it_only() -> None:
+    gravity = instance(effect("imbalance"), {"amplitude": 2.0, "phase": 0.5 * math.pi})
+    in_time = explained(gravity, lambda m: 2.0 * np.cos(m.q) + 4.0 * np.sin(9.0 * m.t))
+    of_the_position = explained(gravity, lambda m: 2.0 * np.cos(m.q) + 4.0 * np.sin(8.0 * m.q))
+    assert in_time > 0.9
+    assert of_the_position < 0.5

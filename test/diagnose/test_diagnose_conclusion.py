@@ -16,6 +16,7 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
+from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
@@ -152,19 +153,31 @@ def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, F
     assert conclude(balance, wrong, Explanation(improved, improved, improved, None)).verdict is Verdict.PARAMETERS
 
 
-def test_effects_with_which_a_simulation_moves_worse_are_not_named(
+def test_an_effect_with_which_a_simulation_moves_worse_is_not_named(
     fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They predict the torque well, but what they say of the motion is wrong."""
+    """It predicts the torque well, but what it says of the motion is wrong."""
+    _, _, improved = fitted
+    contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
+    monkeypatch.setattr(conclusion, "free_run", lambda _, axis: 1.0 + sum(x.term.id == "coulomb_asymmetry" for x in axis.effects))
+    found = concluded(fitted, *contests)
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert [one.effect for one in found.effects] == ["torque_bias"]
+    assert [one.effect for one in found.described] == ["coulomb_asymmetry"]
+    assert "A simulation with coulomb asymmetry predicts torque better and moves worse" in found.statement
+    assert "can cancel torque bias." in found.statement
+
+
+def test_effects_stay_named_where_none_of_them_alone_makes_a_simulation_move_worse(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
     _, _, improved = fitted
     contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
     monkeypatch.setattr(conclusion, "free_run", lambda _, axis: 1.0 + len(axis.effects))
     found = concluded(fitted, *contests)
     assert found.verdict is Verdict.UNEXPLAINED
-    assert found.effects == ()
-    assert {one.effect for one in found.described} == {"torque_bias", "coulomb_asymmetry"}
-    assert "a simulation with that moves worse: it is described and not named" in found.statement
-    assert "compensator" not in found.statement
+    assert {one.effect for one in found.effects} == {"torque_bias", "coulomb_asymmetry"}
+    assert "but a simulation with that moves no better" in found.statement
 
 
 def test_a_map_with_which_a_simulation_moves_worse_takes_no_name_away(
@@ -187,6 +200,18 @@ def test_what_a_map_predicts_is_no_proof_of_an_effect(fitted: tuple[TorqueBalanc
     found = conclude(balance, AxisFile(axis()), Explanation(retuned, alone, both, None, (), (small,)))
     (bias,) = [one for one in found.described if one.effect == "torque_bias"]
     assert bias.agreement.explained < 0.5
+
+
+def test_collisions_that_explain_little_are_described_only(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    """Whatever they gain: they scatter between the pieces, so nothing but what they leave speaks against them."""
+    balance, retuned, _ = fitted
+    gap = instance(effect("backlash"), {"gap": 1e-3, "inertia_ratio": 0.5})
+    knocking = unfitted(balance, axis().with_effect(gap), retuned.noise)
+    small = contest(balance, knocking, gap.identity, gain=1e4)
+    found = concluded(fitted, small, improved=knocking)
+    assert found.effects == ()
+    (backlash,) = found_effects(balance, Explanation(retuned, knocking, knocking, None, (), (small,)), axis())
+    assert backlash.probability < 0.5
 
 
 def test_a_fit_that_was_cut_short_is_said(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:

@@ -44,7 +44,7 @@ def found(position: np.ndarray) -> DataSet:
 def test_one_direction_only() -> None:
     data = found(0.1 * T + 0.05 * np.sin(T))
     assert any("never reverses" in line and "positive" in line for line in limits(data, axis()))
-    assert {"presliding", "coulomb_asymmetry", "backlash", "torque_bias"} <= barred(data, axis())
+    assert {"presliding", "coulomb_asymmetry", "backlash", "torque_bias", "position_dependent_friction"} <= barred(data, axis())
     assert count_reversals(data) == 0
 
 

@@ -142,3 +142,27 @@ def test_a_wind_is_no_signal_of_any_kind_unless_it_acts_like_one(linear: float, 
     chosen, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
     assert chosen.axis.effects[0].term.id == name
     assert len({r.kinds for r in contest.rivals}) == len(contest.rivals)
+
+
+def test_other_waves_of_an_effects_order_compete_for_its_place() -> None:
+    """No search looks for them there, since the effect that was found takes its order from all others."""
+    data = conditioned(np.random.default_rng(4), lambda m: 2.0 * np.sin(20.0 * m.q), seconds=80.0)
+    balance, plain = settled(data)
+    wave = instance(effect("cogging"), {"order": 20.0, "amplitude": 2.0, "phase": 0.0})
+    fit = settle(balance, plain.axis.with_effect(wave), plain.noise, rounds=1)
+    _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
+    orders = {rival.items[0].term.id: rival.items[0].order for rival in contest.rivals}
+    assert orders["torque_ripple"] == pytest.approx(20.0, abs=0.01)
+    assert orders["position_dependent_friction"] == pytest.approx(20.0, abs=0.02)
+    assert contest.equivalent == (), "the axis moves to and fro with other torques"
+
+
+def test_a_rival_that_closes_with_the_turn_competes_at_the_next_whole_order() -> None:
+    data = conditioned(np.random.default_rng(4), lambda m: 2.0 * np.sin(19.97 * m.q) * np.sign(m.v), seconds=80.0)
+    balance, plain = settled(data)
+    wave = instance(effect("position_dependent_friction"), {"order": 19.97, "amplitude": 0.03, "phase": 0.0})
+    fit = settle(balance, plain.axis.with_effect(wave), plain.noise, rounds=1)
+    _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
+    orders = {rival.items[0].term.id: rival.items[0].order for rival in contest.rivals}
+    assert orders.get("cogging", 20.0) == 20.0
+    assert "torque_ripple" in orders

@@ -9,7 +9,8 @@ import pytest
 from concealed_torque_cases import DT, Motion, Torque, axis, conditioned, selected, settled, unfitted
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import least_squares, settle
+from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, least_squares, settle
+from tcs_friction.diagnose.search import stepwise
 from tcs_friction.diagnose.search.start import Start
 from tcs_friction.diagnose.search.stepwise import (
     _confused_with_collisions,
@@ -109,6 +110,22 @@ def test_beside_collisions_no_swing_and_no_delay_is_looked_for() -> None:
     assert _confused_with_collisions(knocking) == {
         "flexible_mode", "transport_delay", "actuator_lag"
     }  # fmt: skip
+
+
+def test_what_is_pruned_again_leaves_its_place_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search goes on without a candidate that does not stay, and ends when none is left."""
+
+    def without_bias(balance: TorqueBalance, fit: Fit, *_: object) -> Fit:
+        for item in fit.axis.effects:
+            if item.term.id == "torque_bias":
+                fit = fit_without(balance, fit, item)
+        return fit
+
+    monkeypatch.setattr(stepwise, "pruned", without_bias)
+    balance = TorqueBalance(conditioned(np.random.default_rng(7), lambda m: 1.0 * (m.t > 20.3) + 3.0, seconds=60.0))
+    selection = selected(balance, frozenset(effects()) - {"load_step", "torque_bias"})
+    assert [item.term.id for item in selection.found] == ["load_step"]
+    assert any("torque_bias" in {kind.effect for kind in c.kinds} for c in selection.rounds[0])
 
 
 def test_a_search_repeated_finds_the_same_to_the_last_digit() -> None:

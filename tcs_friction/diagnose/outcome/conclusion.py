@@ -57,8 +57,8 @@ class _Conclusion:
         every = found_effects(self.balance, self.explanation, believed)
         runs = {name: free_run(data, axis) for name, axis in axes.items()}
         established = tuple(one for one in every if one.established)
-        slower = bool(established) and self._moves_worse(runs)
-        found = () if slower else established
+        worse = self._with_which_it_moves_worse(established, runs)
+        found = tuple(one for one in established if one not in worse)
         described = tuple(one for one in every if one not in found)
         floor = noise_floor(self.balance, residuals["improved"])
         unexplained = self._unexplained(errors, floor, described)
@@ -70,7 +70,7 @@ class _Conclusion:
         return Diagnosis(
             verdict=verdict,
             statement=statement(
-                verdict, established, unexplained, errors, floor, lines, believed.kind, mapped, late, law, slower
+                verdict, found, unexplained, errors, floor, lines, believed.kind, mapped, late, law, worse
             ),
             effects=found,
             described=described,
@@ -97,13 +97,15 @@ class _Conclusion:
             ),
         )
 
-    def _moves_worse(self, runs: Mapping[str, float]) -> bool:
-        """Whether a simulation moves worse with what was found than without, whether a map is in it or not."""
-        if runs["improved"] <= runs["retuned"]:
-            return False
-        if self.explanation.unmapped is self.explanation.improved:
-            return True
-        return free_run(self.balance.data, self.explanation.unmapped.axis) > runs["retuned"]
+    def _with_which_it_moves_worse(self, found: Sequence[Found], runs: Mapping[str, float]) -> tuple[Found, ...]:
+        """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not."""
+        if not found or runs["improved"] <= runs["retuned"]:
+            return ()
+        data, explanation = self.balance.data, self.explanation
+        if free_run(data, explanation.unmapped.axis) <= runs["retuned"]:
+            return ()  # it is the map that moves worse
+        without = (explanation.without(one.instance).axis for one in found)
+        return tuple(one for one, axis in zip(found, without, strict=True) if free_run(data, axis) <= runs["retuned"])
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)

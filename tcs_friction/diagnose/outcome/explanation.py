@@ -32,3 +32,9 @@ class Explanation:
     def contest(self, item: Instance) -> Contest | None:
         """The contest of an effect, None if there was none."""
         return next((c for c in self.contests if c.effect == item.identity), None)
+
+    def without(self, item: Instance) -> Fit:
+        """The fit without an effect, all else refitted: of its contest, of the believed law, or else the retuned one."""
+        fits = {lack.effect.identity: lack.without for lack in self.lacks}
+        fits |= {contest.effect: contest.without for contest in self.contests}
+        return fits.get(item.identity, self.retuned)

@@ -55,11 +55,11 @@ class _Proof:
     def found(self, item: Instance) -> Found:
         """One effect of the improved axis with its proof."""
         fit, contest = self.fit, self.explanation.contest(item)
-        alone = contest.without if contest is not None else self.explanation.retuned
         equivalent = contest.equivalent if contest is not None else ()
         gain = contest.gain if contest is not None else 0.0
         kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
         torque = self.residual(fit.axis.without_effect(item)) - self.residual(fit.axis)
+        alone = self.explanation.without(item)
         return self._proven(item, kinds, self._parameters(item), torque, alone, gain, fit.numbers_of(item))
 
     def lacked(self, lack: Lack) -> Found:

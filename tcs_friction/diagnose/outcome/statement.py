@@ -23,13 +23,13 @@ def statement(
     mapped: bool = False,
     late: float = 0.0,
     law: str = "",
-    moves_worse: bool = False,
+    worse: Sequence[Found] = (),
 ) -> str:
     """What was found, how much it matters, how well it is proven, what the data cannot say.
 
     `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters. `law`: the
-    friction law of the improved axis, where it is another than believed. `moves_worse`: a free run with the effects, which are
-    not named then.
+    friction law of the improved axis, where it is another than believed. `worse`: effects with which a simulation moves worse, so
+    that they are not named.
     """
     unit = unit_of("torque", kind)
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
@@ -60,8 +60,8 @@ def statement(
             text = f"The model lacks {names}: with {'it' if len(effects) == 1 else 'them'} {gain}."
             if unexplained.present:
                 text += f" Something else remains, {unexplained.torque_rms:.3g} {unit} rms over {over}."
-        elif moves_worse:
-            text = f"With {names} {gain}, but a simulation with that moves worse: it is described and not named."
+        elif not unexplained.present:
+            text = f"With {names} {gain}, but a simulation with that moves no better."
         else:
             text = f"Something outside the vocabulary remains, {unexplained.torque_rms:.3g} {unit} rms over {over}"
             text += f", beside {names}" if names else ""
@@ -70,7 +70,9 @@ def statement(
             else:
                 text += f", which no map predicts; the held-out residual stays at {held['improved']} {unit} ({floor})"
             text += f": look at what changes with {over}."
-    cancel = effect_words([f for f in effects if not moves_worse and f.instance.term.place in (Place.SCALE, Place.OPPOSING)])
+    if worse:
+        text += f" A simulation with {listed(effect_words(worse))} predicts torque better and moves worse: described, not named."
+    cancel = effect_words([f for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)])
     if cancel:
         text += f" A feed-forward compensator can cancel {listed(cancel)}."
     return text + "".join(f" Not to be judged from this: {line}." for line in limits)
