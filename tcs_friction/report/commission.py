@@ -6,6 +6,7 @@ what the terminal shows, and `write_report` the page with its pictures.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -88,8 +89,10 @@ class CommissionResult:
         return content
 
 
-def _error_mapping(errors: TrackingErrors) -> dict[str, float]:
-    return {"peak_positive": errors.peak_positive, "peak_negative": errors.peak_negative, "rms": errors.rms}
+def _error_mapping(errors: TrackingErrors) -> dict[str, float | None]:
+    """None for the peaks of a direction to which a run that lost messages never reversed."""
+    values = {"peak_positive": errors.peak_positive, "peak_negative": errors.peak_negative, "rms": errors.rms}
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def cut(before: float, after: float) -> float:

@@ -54,6 +54,15 @@ def test_mapping_has_the_contract_s_keys_and_the_runs_numbers(result: Commission
     assert content["dob_relative_error"] == pytest.approx(0.02)
 
 
+def test_a_run_without_reversals_one_way_has_no_peaks_there(result: CommissionResult) -> None:
+    run = result.after
+    reversal = int(np.flatnonzero((SPEED[1:] > 0.0) & (SPEED[:-1] <= 0.0))[0])
+    short = TrackingRun(*(x[: reversal - 100] for x in (run.t, run.reference_velocity, run.velocity, run.error)))
+    content = json.loads(json.dumps(replace(result, after=short).to_mapping(), allow_nan=False))
+    assert content["after"]["peak_positive"] is None
+    assert content["after"]["peak_negative"] == pytest.approx(-0.09, rel=1e-2)
+
+
 def test_real_axis_has_no_truth(result: CommissionResult, tmp_path: Path) -> None:
     measurement = FrictionRun(T, SPEED, SPEED)
     real = replace(result, friction_off=None, true=None, measurement=measurement)
