@@ -7,6 +7,14 @@ when an axis moves less inertia. A joint fit adds them back (bias-compensated le
 The encoder's noise is differentiated twice and is in the acceleration. A torque that is not logged moves the axis, and the
 controller answers it. Either way residual and acceleration correlate, and least squares reduce the residual by a smaller
 inertia: attenuation. The correlation is measured at frequencies at which nothing else moves the axis.
+
+Where bodies make the required torque G(f) times that of the inertia, maximum likelihood with the noise S of the drive and of the
+encoder, of which the latter is the share e, has the cost
+
+    sum |r|^2 / (S A^2) + log A^2 - c log |G|^2,   A^2 = 1 + e (|G|^2 - 1)
+
+with c = 1 where all of the drive's noise is in the acceleration. Residuals are divided by A already; the logarithms are added
+here, with the c that was measured. Without log A^2 a body without damping would explain anything near its antiresonance.
 """
 
 from __future__ import annotations
@@ -33,20 +41,24 @@ DETERMINED_BY = 10.0  # times the power of quiet motion that all motion must hav
 class AttenuationBias:
     """Squares that noise takes away from an axis with less inertia, at frequencies (m,), Hz.
 
-    whole, bodies (m,): whitened squares for each unit by which the logarithm of the moving inertia is smaller, by the inertia
-    itself or by bodies that swing on it. inertia: kg m^2, of the axis whose noise it is.
+    whole (m,): whitened squares for each unit by which the logarithm of the moving inertia is smaller. count: whitened numbers
+    that each frequency stands for. allowed (m,): share of the noise that residuals are corrected for where bodies swing.
+    inertia: kg m^2, of the axis whose noise it is.
     """
 
     inertia: float = 1.0
     frequency: np.ndarray = field(default_factory=lambda: np.zeros(0))
     whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    bodies: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    count: float = 0.0
+    allowed: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def squares(self, axis: Axis) -> float:
         """Whitened squares by which noise makes the residual of an axis smaller; negative for a heavier axis."""
         squares = -math.log(axis.inertia / self.inertia) * float(np.sum(self.whole))
         if resonant_bodies(axis):
-            squares -= float(self.bodies @ np.log(np.abs(motion_gain(axis, self.frequency))))
+            gain = np.abs(motion_gain(axis, self.frequency)) ** 2
+            common = np.minimum(self.whole, 2.0 * self.count)
+            squares += float(self.count * np.sum(np.log(1.0 + self.allowed * (gain - 1.0))) - 0.5 * common @ np.log(gain))
         return squares
 
     def squares_of_torque(self, axis: Axis) -> np.ndarray:
@@ -90,4 +102,4 @@ def attenuation_bias(
     common = np.mean(-(np.conj(residual) * inertial).real[:, known], axis=0, where=quiet[:, known])
     common = ndimage.uniform_filter1d(common, SMOOTHED_BINS, mode="nearest")
     share = np.interp(frequency, np.append(0.0, frequency[known]), np.append(0.0, common))  # a loop has no error at rest
-    return AttenuationBias(axis.inertia, frequency, 2.0 * count * share, 2.0 * count * (share - allowed))
+    return AttenuationBias(axis.inertia, frequency, 2.0 * count * share, count, allowed)
