@@ -11,7 +11,7 @@ from open_loop_cases import axis, conditioned, item, recorded
 
 from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.dataset.preprocessing import prepare
-from tcs_friction.diagnose.outcome.free_run import free_run, usable_horizon
+from tcs_friction.diagnose.outcome.free_run import free_run, moves_worse, typical, usable_horizon
 from tcs_friction.physics.terms import Instance
 
 
@@ -84,3 +84,24 @@ def test_training_data_do_not_matter(plain: DataSet) -> None:
     torque[last + 1 :] += 1e3
     changed = replace(plain, stretches=(replace(s, torque=torque),))
     assert free_run(changed, axis()) == free_run(plain, axis())
+
+
+def test_a_model_moves_worse_if_it_does_so_in_more_windows_than_chance_gives() -> None:
+    rng = np.random.default_rng(0)
+    first = rng.lognormal(size=80)
+    false_alarms = sum(moves_worse(first, rng.permutation(first)) for _ in range(500))
+    assert false_alarms <= 15, "one in a hundred"
+    assert moves_worse(1.01 * first, first), "by little, but in every window"
+    assert not moves_worse(first, 1.01 * first)
+    far = first.copy()
+    far[:5] *= 1e6
+    assert not moves_worse(far, first), "in a few windows only"
+    assert not moves_worse(first, first)
+    assert not moves_worse(np.zeros(0), np.zeros(0))
+
+
+def test_the_typical_error_is_not_that_of_a_few_windows() -> None:
+    assert typical(np.array([2.0, 2.0, 2.0, 2.0])) == pytest.approx(2.0)
+    assert typical(np.array([1.0, 1.0, 1.0, 1e4])) == pytest.approx(10.0)
+    assert typical(np.zeros(0)) == 0.0
+    assert typical(np.array([0.0, 1.0])) >= 0.0

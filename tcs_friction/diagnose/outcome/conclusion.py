@@ -21,7 +21,7 @@ from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
-from tcs_friction.diagnose.outcome.free_run import free_run, usable_horizon
+from tcs_friction.diagnose.outcome.free_run import moves_worse, typical, usable_horizon, window_errors
 from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
@@ -55,9 +55,10 @@ class _Conclusion:
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
         located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
         every = found_effects(self.balance, self.explanation, believed)
-        runs = {name: free_run(data, axis) for name, axis in axes.items()}
+        moved = {name: window_errors(data, axis) for name, axis in axes.items()}
+        runs = {name: typical(windows) for name, windows in moved.items()}
         established = tuple(one for one in every if one.established)
-        worse = self._with_which_it_moves_worse(established, runs)
+        worse = self._with_which_it_moves_worse(established, moved)
         found = tuple(one for one in established if one not in worse)
         described = tuple(one for one in every if one not in found)
         floor = noise_floor(self.balance, residuals["improved"])
@@ -97,15 +98,15 @@ class _Conclusion:
             ),
         )
 
-    def _with_which_it_moves_worse(self, found: Sequence[Found], runs: Mapping[str, float]) -> tuple[Found, ...]:
+    def _with_which_it_moves_worse(self, found: Sequence[Found], moved: Mapping[str, np.ndarray]) -> tuple[Found, ...]:
         """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not."""
-        if not found or runs["improved"] <= runs["retuned"]:
+        data, explanation, retuned = self.balance.data, self.explanation, moved["retuned"]
+        if not found or not moves_worse(moved["improved"], retuned):
             return ()
-        data, explanation = self.balance.data, self.explanation
-        if free_run(data, explanation.unmapped.axis) <= runs["retuned"]:
+        if not moves_worse(window_errors(data, explanation.unmapped.axis), retuned):
             return ()  # it is the map that moves worse
-        without = (explanation.without(one.instance).axis for one in found)
-        return tuple(one for one, axis in zip(found, without, strict=True) if free_run(data, axis) <= runs["retuned"])
+        without = (window_errors(data, explanation.without(one.instance).axis) for one in found)
+        return tuple(one for one, windows in zip(found, without, strict=True) if not moves_worse(windows, retuned))
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)

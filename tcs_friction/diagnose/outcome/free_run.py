@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from scipy import stats
 
 from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
 from tcs_friction.numerics.runs import runs
@@ -45,6 +46,8 @@ from tcs_friction.physics.terms import (
 HORIZON = 1.0  # s
 WINDOWS = 100  # at most, spread over the held-out data
 LONGEST_STEP = 1e-3  # s
+TINY = 1e-300  # rad, instead of no error, so that its logarithm exists
+BY_CHANCE = 0.01  # probability below which a difference is none of chance
 
 
 def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
@@ -55,16 +58,35 @@ def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
 
 
 def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
-    """Rms (rad) of the position error within a window of `horizon` (s, or what fits) of the held-out data, the median window's.
+    """The typical one of the `window_errors` (rad)."""
+    return typical(window_errors(data, axis, horizon))
+
+
+def typical(errors: np.ndarray) -> float:
+    """Geometric mean of the errors (w,) of windows, 0 without any.
 
     Whether an axis just stops or just goes on hangs on what no model knows: a few windows in which it does the other thing would
-    outweigh all others in a mean. An error beyond the whole travel counts as the travel, so a model that runs away has a large
-    error but a number.
+    outweigh all others in a mean.
+    """
+    return float(np.exp(np.mean(np.log(np.maximum(errors, TINY))))) if len(errors) else 0.0
+
+
+def moves_worse(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a model's errors (w,) are larger than another's in more of the same windows than chance gives (sign test)."""
+    differ = int(np.count_nonzero(one != other))
+    larger = int(np.count_nonzero(one > other))
+    return differ > 0 and bool(stats.binom.sf(larger - 1, differ, 0.5) < BY_CHANCE)
+
+
+def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.ndarray:
+    """Rms (rad) of the position error within each window (w,) of `horizon` (s, or what fits) of the held-out data.
+
+    An error beyond the whole travel counts as the travel, so a model that runs away has a large error but a number.
     """
     step = data.dt / data.stride
     length = round(usable_horizon(data, horizon) / step)
     if length < 1:
-        return 0.0
+        return np.zeros(0)
     starts = _windows(_held_out(data), length)
     travel = float(np.ptp(data.joined("position")))
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
@@ -90,7 +112,7 @@ def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
             errors,
         )
         found.append(np.sqrt(np.mean(errors**2, axis=1)))
-    return float(np.median(np.concatenate(found))) if found else 0.0
+    return np.concatenate([np.zeros(0), *found])
 
 
 def _held_out(data: DataSet) -> list[list[tuple[int, int]]]:
