@@ -86,7 +86,7 @@ def test_training_data_do_not_matter(plain: DataSet) -> None:
     assert free_run(changed, axis()) == free_run(plain, axis())
 
 
-def test_a_model_moves_worse_if_it_does_so_in_more_windows_than_chance_gives() -> None:
+def test_a_model_moves_worse_if_its_errors_are_larger_by_more_than_chance() -> None:
     rng = np.random.default_rng(0)
     first = rng.lognormal(size=80)
     false_alarms = sum(moves_worse(first, rng.permutation(first)) for _ in range(500))

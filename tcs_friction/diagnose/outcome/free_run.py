@@ -47,14 +47,16 @@ HORIZON = 1.0  # s
 WINDOWS = 100  # at most, spread over the held-out data
 LONGEST_STEP = 1e-3  # s
 TINY = 1e-300  # rad, instead of no error, so that its logarithm exists
+WINDOWS_WANTED = 8  # from which their scatter is known
+FEWEST_WINDOWS = 3
 BY_CHANCE = 0.01  # probability below which a difference is none of chance
 
 
 def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
-    """The horizon (s), shorter where no held-out stretch is that long; 0 without held-out data."""
+    """The horizon (s), shorter where no held-out stretch is that long or few windows would fit; 0 without held-out data."""
     step = data.dt / data.stride
-    longest = max((b - a for mask in _held_out(data) for a, b in mask), default=0)
-    return min(horizon, max(longest - 1, 0) * step)
+    lengths = [b - a - 1 for mask in _held_out(data) for a, b in mask]
+    return min(horizon, max(lengths, default=0) * step, sum(lengths) * step / WINDOWS_WANTED)
 
 
 def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
@@ -72,10 +74,15 @@ def typical(errors: np.ndarray) -> float:
 
 
 def moves_worse(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether a model's errors (w,) are larger than another's in more of the same windows than chance gives (sign test)."""
-    differ = int(np.count_nonzero(one != other))
-    larger = int(np.count_nonzero(one > other))
-    return differ > 0 and bool(stats.binom.sf(larger - 1, differ, 0.5) < BY_CHANCE)
+    """Whether a model's errors (w,) are larger than another's in the same windows by more than chance.
+
+    Student's t of the logarithms of their ratios; of fewer than three windows nothing is said.
+    """
+    ratios = np.log(np.maximum(one, TINY) / np.maximum(other, TINY))
+    if len(ratios) < FEWEST_WINDOWS:
+        return False
+    scatter = max(float(ratios.std(ddof=1)) / math.sqrt(len(ratios)), TINY)
+    return bool(stats.t.sf(float(ratios.mean()) / scatter, len(ratios) - 1) < BY_CHANCE)
 
 
 def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.ndarray:
