@@ -50,6 +50,8 @@ Array = NDArray[np.float64]
 LONGEST_LEAD = 0.1  # s, for which a reference is foretold from its acceleration
 AT_REST = 1e-9  # rad/s, reference speed below which a law without bristles is not sliding
 ROOM = 20.0  # degC, where nobody measures the temperature
+LOOKS = 20_000  # places of a turn that are looked at for the largest torque
+SLOW = 1e-3  # rad/s
 
 # constants
 _DT, _LEAD, _RISE, _LIMIT, _ARREST = range(5)
@@ -58,13 +60,19 @@ _PRIMED, _SPEED, _WANTED = range(3)
 
 
 @dataclass(frozen=True)
-class CancellationConfig:
-    """Which effects of a model are cancelled, and how much torque that may take."""
+class SwitchConfig:
+    """Which effects of a model are cancelled."""
 
     left_out: tuple[str, ...] = texts("effects of the model that are not cancelled, by name")
+    entry_time: float = setting(0.5, "s", 0.0, 60.0, "an effect comes and goes with its switch over this time")
+
+
+@dataclass(frozen=True)
+class CancellationConfig(SwitchConfig):
+    """Which effects of a model are cancelled, and how much torque that may take."""
+
     total_limit: float = setting(1e12, "N m", 0.0, 1e12, "largest torque of the whole compensation")
     effect_limit: float = setting(1e12, "N m", 0.0, 1e12, "largest torque of each effect in it")
-    entry_time: float = setting(0.5, "s", 0.0, 60.0, "an effect comes and goes with its switch over this time")
 
     def validate(self, where: str = "cancellation") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
@@ -181,7 +189,8 @@ class ModelCompensator:
     def __init__(
         self, model: Axis, dt: float, config: CancellationConfig | None = None, signals: Sequence[str] = ()
     ) -> None:
-        self.model, self.dt, self.signals = model, dt, tuple(signals)
+        self.model, self.dt = model, dt
+        self._around = np.zeros(1 + 2 * len(signals))
         hindered = obstacles(model)
         self.effects = {
             name: item
@@ -196,7 +205,8 @@ class ModelCompensator:
             replace(item, term=replace(item.term, kernel=item.term.inverse)) if item.term.inverse is not None else item
             for item in self._terms
         ]
-        self.machine = build(model, dt, signals=self.signals, terms=acting)
+        self.machine = build(model, dt, signals=tuple(signals), terms=acting)
+        self._at_rest = self.machine.motion.copy()
         self._missing: frozenset[str] = frozenset()
         lead = model.actuation_delay + 0.5 * dt
         delays = np.array([item.values[item.term.alignment] for item in self._delays])
@@ -217,11 +227,8 @@ class ModelCompensator:
 
     def configure(self, config: CancellationConfig) -> None:
         """Other switches and limits from the next tick on; a bad one raises InputError and changes nothing."""
-        config.validate()
-        names = effect_names(self.model)
-        for name in config.left_out:
-            if name not in names:
-                raise InputError("cancellation: left_out", f"the model has no effect {name!r}", nearest(name, list(names)))
+        validate(config, "cancellation")
+        check_names(self.model, config.left_out)
         self.config = config
         self.plan.constants[_RISE] = self.dt / config.entry_time if config.entry_time > 0.0 else 1.0
         self.plan.constants[_LIMIT] = config.total_limit
@@ -261,17 +268,25 @@ class ModelCompensator:
     def reset(self) -> None:
         """Forget the past: bristles at rest, every effect at the share that it is wanted with."""
         self.machine.states[:] = 0.0
+        self.machine.motion[:] = self._at_rest  # what terms have written for each other
         self.plan.memory[:] = 0.0
         self.plan.parts[:] = 0.0
 
-    def step(self, t: float, q_ref: float, v_ref: float, a_ref: float, surroundings: Array | None = None) -> float:
-        """The torque to add to the command (N m), for this tick's time (s) and reference.
-
-        surroundings: temperature (degC), then each signal and its rate (1/s), (1 + 2 s,); room temperature by default.
-        """
-        around = np.array([ROOM, *np.zeros(2 * len(self.signals))]) if surroundings is None else surroundings
-        torque: float = compensate(self.machine, self.plan, t, q_ref, v_ref, a_ref, around)
+    def step(self, t: float, q_ref: float, v_ref: float, a_ref: float, temperature: float = ROOM) -> float:
+        """The torque to add to the command (N m), for this tick's time (s), reference and temperature (degC); signals are 0."""
+        self._around[0] = temperature
+        torque: float = compensate(self.machine, self.plan, t, q_ref, v_ref, a_ref, self._around)
         return torque
+
+    def largest(self) -> float:
+        """Largest torque (N m) that it commands in slow, steady motion to and fro over a turn."""
+        way = np.linspace(-math.pi, math.pi, LOOKS)
+        position = np.concatenate([way, way[::-1]])
+        speed = SLOW * np.sign(np.gradient(position))
+        motion = np.column_stack([position, speed, np.zeros(2 * LOOKS)])
+        self._around[0] = ROOM
+        around = np.tile(self._around, (2 * LOOKS, 1))
+        return float(np.max(np.abs(self.over(np.zeros(2 * LOOKS), motion, around))))
 
     def over(self, t: Array, motion: Array, surroundings: Array) -> Array:
         """The compensation (n,) from rest along a whole reference: times (n,), position, speed and acceleration (n, 3)."""
@@ -289,6 +304,19 @@ def _along(m: Machine, plan: Plan, t: Array, motion: Array, surroundings: Array)
     return result
 
 
+def signals_of(axis: Axis) -> tuple[str, ...]:
+    """Names of the recorded signals that the effects of an axis act through."""
+    return tuple(dict.fromkeys(item.signal for item in axis.effects if item.signal is not None))
+
+
+def check_names(model: Axis, left_out: Collection[str]) -> None:
+    """Raises InputError when an effect that is left out is none of a model."""
+    names = effect_names(model)
+    for name in left_out:
+        if name not in names:
+            raise InputError("left_out", f"model {model.name} has no effect {name!r}", nearest(name, list(names)))
+
+
 def check_model(model: Axis, axis: Axis) -> None:
     """Raises InputError when a model belongs to another kind of axis or to another joint than `axis`."""
     if model.kind != axis.kind:
@@ -302,7 +330,11 @@ def check_drive(compensation: Array, motion: Array, model: Axis, limit: float) -
 
     motion: position, speed and acceleration of the reference, (n, 3).
     """
-    most = float(np.max(np.abs(compensation + model.inertia * motion[:, 2]), initial=0.0))
-    if most > limit:
-        found = f"cancelling what it has takes {most:.4g} N m"
+    check_torque(float(np.max(np.abs(compensation + model.inertia * motion[:, 2]), initial=0.0)), model, limit)
+
+
+def check_torque(largest: float, model: Axis, limit: float) -> None:
+    """Raises InputError when cancelling what a model has takes more torque (N m) than the drive has."""
+    if largest > limit:
+        found = f"cancelling what it has takes {largest:.4g} N m"
         raise InputError(f"model {model.name}", found, f"at most the drive's {limit:g} N m")

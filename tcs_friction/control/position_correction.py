@@ -52,7 +52,7 @@ class PositionCorrection:
     def __init__(self, model: Axis, dt: float) -> None:
         self.effects = {name: item for name, item in effect_names(model).items() if item.term.place is Place.SENSOR}
         """What is corrected, by name."""
-        self.dt = dt
+        self.model, self.dt = model, dt
         self.machine = build(model, dt, terms=list(self.effects.values()))
         self.shares, self.wanted = np.zeros(len(self.effects)), np.ones(len(self.effects))
         self.rise = 1.0
