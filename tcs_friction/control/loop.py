@@ -8,7 +8,7 @@ kernels and so the same numbers as the nodes in lock-step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -24,9 +24,17 @@ from tcs_friction.control.compensator import (
     stribeck_step,
 )
 from tcs_friction.control.config_field import choice, setting, switch, validate
+from tcs_friction.control.model_compensator import (
+    CancellationConfig,
+    ModelCompensator,
+    check_drive,
+    check_model,
+    compensate,
+)
 from tcs_friction.control.observer import REST, ObserverConfig, observer_step, pack
 from tcs_friction.control.pid import STATES as PID_STATES
 from tcs_friction.control.pid import PidConfig, pid_parameters, pid_step
+from tcs_friction.control.position_correction import PositionCorrection, correct
 from tcs_friction.control.reference import Reference
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics import machine as compiled
@@ -38,7 +46,7 @@ from tcs_friction.physics.terms import TEMPERATURE, instance
 Array = NDArray[np.float64]
 
 _NEGLIGIBLE = 1e-9  # N m, dry friction of an axis whose friction is switched off
-COMPENSATIONS = ("none", "lugre", "stribeck")
+COMPENSATIONS = ("none", "lugre", "stribeck", "model")
 
 
 @dataclass(frozen=True)
@@ -55,11 +63,20 @@ class LoopConfig:
 
 
 @dataclass(frozen=True)
+class Cancellation:
+    """Compensation `model`: the axis model whose terms are cancelled, and which of them by how much."""
+
+    model: Axis
+    config: CancellationConfig = field(default_factory=CancellationConfig)
+
+
+@dataclass(frozen=True)
 class LoopRun:
     """What happened, each array (n,), read-only, at the ticks t. SI units.
 
     `torque` is the one applied (saturated) during the tick that ends at t, `compensation` the compensator's
-    part of it; `position` and `velocity` are measured at t; `friction` and `opposing` are the plant's own.
+    part of it; `position` and `velocity` are measured at t, without the encoder's errors that a model knows;
+    `friction` and `opposing` are the plant's own.
     """
 
     t: Array
@@ -102,6 +119,7 @@ def simulate_loop(
     seed: int = 0,
     temperature: Array | float = 20.0,
     exogenous: Mapping[str, Array] = MappingProxyType({}),
+    cancellation: Cancellation | None = None,
 ) -> LoopRun:
     """Run the closed loop over the reference's duration, from rest at the reference's first position.
 
@@ -110,11 +128,12 @@ def simulate_loop(
 
     Raises
     ------
-    InputError: a configuration is bad, or a feedback or compensation is asked for without its configuration.
+    InputError: a configuration is bad, a feedback or compensation is asked for without its configuration, or a model cannot be
+    cancelled on this axis.
     JobError: the loop became unstable and left the range of numbers.
     """
     config = config or LoopConfig()
-    _check(config, controller, observer, compensator)
+    _check(config, controller, observer, compensator, cancellation)
     period = config.period
     times = ticks(reference, config)
     count = len(times)
@@ -124,6 +143,11 @@ def simulate_loop(
     plant = compiled.build(axis, period / substeps, substeps, tuple(exogenous), float(targets[0, 0]))
     observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
     compensating = compensator_parameters(compensator or CompensatorConfig(), period)
+    cancelling = cancellation if config.compensation == "model" else None
+    model, correction = _modelled(cancelling, axis, period, tuple(exogenous))
+    if cancelling is not None:
+        limit = min(axis.drive.limit, controller.torque_limit)
+        check_drive(model.over(times, targets, surroundings), targets, cancelling.model, limit)
     out: Array = np.zeros((10, count))
     _run(
         plant,
@@ -136,6 +160,13 @@ def simulate_loop(
         compensating,
         np.zeros(STATES),
         COMPENSATIONS.index(config.compensation),
+        model.machine,
+        model.plan,
+        correction.machine,
+        correction.shares,
+        correction.wanted,
+        correction.rise,
+        times,
         targets,
         surroundings,
         _normals(seed, count),
@@ -145,6 +176,20 @@ def simulate_loop(
         first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
         raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
     return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *(row.copy() for row in out))
+
+
+def _modelled(
+    cancellation: Cancellation | None, axis: Axis, period: float, signals: tuple[str, ...]
+) -> tuple[ModelCompensator, PositionCorrection]:
+    """What cancels a model's terms in the loop; of an axis without any where there is nothing to cancel."""
+    if cancellation is None:
+        bare = replace(axis, effects=(), actuation_delay=0.0)
+        return ModelCompensator(bare, period, signals=signals), PositionCorrection(bare, period)
+    check_model(cancellation.model, axis)
+    model = ModelCompensator(cancellation.model, period, cancellation.config, signals)
+    correction = PositionCorrection(cancellation.model, period)
+    correction.configure(cancellation.config.left_out, cancellation.config.entry_time)
+    return model, correction
 
 
 def _surroundings(temperature: Array, exogenous: Mapping[str, Array], period: float) -> Array:
@@ -177,6 +222,7 @@ def _check(
     controller: PidConfig,
     observer: ObserverConfig | None,
     compensator: CompensatorConfig | None,
+    cancellation: Cancellation | None,
 ) -> None:
     config.validate()
     controller.validate()
@@ -186,7 +232,9 @@ def _check(
         raise InputError("loop", "feed_back is on but there is no observer", "an observer's configuration")
     if compensator is not None:
         compensator.validate()
-    elif config.compensation != "none":
+    if config.compensation == "none":
+        return
+    if (cancellation if config.compensation == "model" else compensator) is None:
         raise InputError(
             "loop", f"compensation is {config.compensation} without parameters", "a compensator configuration"
         )
@@ -204,6 +252,13 @@ def _run(
     compensating: Array,
     compensator_state: Array,
     compensation_kind: int,
+    model: Any,
+    plan: Any,
+    sensor: Any,
+    shares: Array,
+    wanted_shares: Array,
+    rise: float,
+    times: Array,
     targets: Array,
     surroundings: Array,
     normals: Array,
@@ -213,6 +268,8 @@ def _run(
     body = plant.body
     for k in range(len(targets)):
         position, velocity = body[compiled.MEASURED], body[compiled.MEASURED_VELOCITY]
+        if len(shares) > 0:
+            position, velocity = correct(sensor, shares, wanted_shares, rise, position, velocity)
         estimate = 0.0
         if observed:
             estimate = observer_step(observer_state, observing, torque, velocity, cancelled)
@@ -226,6 +283,8 @@ def _run(
             cancelled = lugre_step(compensator_state, compensating, v_ref, a_ref)
         elif compensation_kind == 2:
             cancelled = stribeck_step(compensator_state, compensating, v_ref, a_ref)
+        elif compensation_kind == 3:
+            cancelled = compensate(model, plan, times[k], q_ref, v_ref, a_ref, surroundings[k])
         added = cancelled
         if feed_back:
             added += observer_state[REST]

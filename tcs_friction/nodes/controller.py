@@ -21,6 +21,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
+from tcs_friction.nodes.model import MeasuredMotion, ModelConfig, ModelFile
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
 from tcs_friction.nodes.rivals import HeardInput, Rivals
 from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE
@@ -29,7 +30,7 @@ COMPENSATION, OBSERVER = "friction_compensation", "friction_estimate"
 
 
 @dataclass(frozen=True)
-class ControllerConfig(PidConfig, Ranges, ManagedConfig):
+class ControllerConfig(PidConfig, ModelConfig, Ranges, ManagedConfig):
     """Gains and limits, and what takes part in the loop."""
 
     compensator: bool = switch(True, "a compensator is part of the loop: its torque is added")
@@ -54,6 +55,7 @@ class Controller(ManagedNode[ControllerConfig]):
     """Answers every joint state with one torque command; in lock-step once all inputs of its stamp are there."""
 
     def __init__(self) -> None:
+        self._models, self._motion = ModelFile(), MeasuredMotion()
         super().__init__("controller", defaults)
         self._publisher = self.create_publisher(AxisTorque, "torque_command", PUBLISH)
         self._message = b""
@@ -77,11 +79,15 @@ class Controller(ManagedNode[ControllerConfig]):
         heard: dict[str, HeardInput] = {"joint_states": self._state, **self._answers}
         self.rivals = Rivals(self, heard)
 
+    def check(self, config: ControllerConfig, file: AxisFile) -> None:
+        self._models.read(config, file)
+
     def configure(self, config: ControllerConfig) -> None:
         if config.period != self.config.period:
             self._pid = DoubleLoopPid(config, config.period)
         super().configure(config)
         self._pid.configure(config)
+        self._motion.configure(self._models.read(config, self.file), config, config.period)
         self._lock_step = self.lock_step
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)
@@ -129,6 +135,7 @@ class Controller(ManagedNode[ControllerConfig]):
             return
         if step is NEW_RUN:
             self._pid.reset()
+            self._motion.reset()
         self._pending = stamp
         self._command_when_complete()
 
@@ -248,6 +255,7 @@ class Controller(ManagedNode[ControllerConfig]):
     def _begin_anew(self, new_run: bool) -> None:
         """Forget the past: the next torque comes from zero. A new run has stamps of its own."""
         self._pid.reset()
+        self._motion.reset()
         self._ramp.value = 0.0
         for faded in self._faded.values():
             faded.restart()
@@ -265,7 +273,8 @@ class Controller(ManagedNode[ControllerConfig]):
 
     def _command(self, stamp: int, position: float, velocity: float, acceleration: float, added: float) -> None:
         state = self._state
-        torque = self._pid.step(state.position, state.speed, position, velocity, acceleration, added)
+        measured = self._motion.at(state.position, state.speed)
+        torque = self._pid.step(*measured, position, velocity, acceleration, added)
         if not math.isfinite(torque):
             self._begin_anew(False)
             self.health.note("the controller's state left the range of numbers: reset, zero torque")

@@ -27,6 +27,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.joint_input import JointInput
+from tcs_friction.nodes.model import MeasuredMotion, ModelConfig, ModelFile
 from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE
 
@@ -36,7 +37,7 @@ READING_AGE = 2.0
 
 
 @dataclass(frozen=True)
-class DobNodeConfig(ObserverSettings, Ranges, ClockConfig):
+class DobNodeConfig(ObserverSettings, ModelConfig, Ranges, ClockConfig):
     """The observer's settings and Switch1 of the paper."""
 
     switch1: bool = switch(False, "Switch1: torque and speed reach the observer")
@@ -55,6 +56,7 @@ class Dob(AxisNode[DobNodeConfig]):
     """Answers every joint state with an estimate; while Switch1 is off, with one that is not valid."""
 
     def __init__(self) -> None:
+        self._models, self._motion = ModelFile(), MeasuredMotion()
         super().__init__("dob", defaults)
         self._publisher = self.create_publisher(FrictionEstimate, "friction_estimate", PUBLISH)
         self._message = b""
@@ -62,6 +64,7 @@ class Dob(AxisNode[DobNodeConfig]):
         self._done = self._pending = -1
         self._state = JointInput(self.health, self.lock_step)
         self._torque = 0.0  # held until the pending stamp
+        self._speed = 0.0  # at it
         self._shares: dict[int, float] = {}  # lock-step: the compensator's torque at the last stamps
         self._answers = AnswerRule(self._state.recent)
         self._faded = FadingInput(self.config.age_limit, self.config.ramp_time)
@@ -74,13 +77,15 @@ class Dob(AxisNode[DobNodeConfig]):
         self.create_subscription(WrenchStamped, "dynamometer", self._on_dynamometer, COLLECT)
         self._jobs = Jobs(self, self._waiter, "calibrate", self._calibrate, service=Trigger)
 
-    def check(self, config: DobNodeConfig, file: AxisFile) -> None:  # noqa: ARG002
+    def check(self, config: DobNodeConfig, file: AxisFile) -> None:
         config.design(config.period)
+        self._models.read(config, file)
 
     def configure(self, config: DobNodeConfig) -> None:
         super().configure(config)
         self._period_ns = round(config.period * SECOND)
         self._limit = config.largest_torque
+        self._motion.configure(self._models.read(config, self.file), config, config.period)
         self._state.configure(self.file.axis.name, config)
         self._faded.configure(config.age_limit, config.ramp_time)
         if not self.lock_step:
@@ -141,7 +146,8 @@ class Dob(AxisNode[DobNodeConfig]):
             return
         if step is NEW_RUN or (not self.lock_step and stamp - self._done > self.config.age_limit * SECOND):
             self._begin_anew()
-        self._calibration.state(stamp, torque, self._state.speed)
+        _, self._speed = self._motion.at(self._state.position, self._state.speed)
+        self._calibration.state(stamp, torque, self._speed)
         self._pending, self._torque = stamp, torque
         self._estimate()
 
@@ -158,6 +164,7 @@ class Dob(AxisNode[DobNodeConfig]):
     def _begin_anew(self) -> None:
         """Forget the past: a new run, or in real time a gap that no observer bridges."""
         self._observer.reset()
+        self._motion.reset()
         self._shares.clear()
         self._faded.restart()
         self._done = -1
@@ -208,7 +215,7 @@ class Dob(AxisNode[DobNodeConfig]):
                 return
             share = 0.0
         if self.config.switch1:
-            speed = self._state.speed
+            speed = self._speed
             estimate = self._observer.step(self._torque, speed, share)
             if not -self._limit <= estimate <= self._limit:
                 estimate = self._reset_observer(estimate)

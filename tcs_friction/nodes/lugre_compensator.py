@@ -1,4 +1,4 @@
-"""The friction feed-forward: answers every reference with the torque that the LuGre model wants for it."""
+"""The feed-forward: answers every reference with the torque that the LuGre model, or all of an axis model, wants for it."""
 
 from __future__ import annotations
 
@@ -7,46 +7,67 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import Temperature
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, LugreParameters
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.compensator import CompensatorConfig, LugreCompensator
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.fading import Ramp
-from tcs_friction.control.plausible import Ranges, ranges
+from tcs_friction.control.handover import Handover
+from tcs_friction.control.model_compensator import (
+    ROOM,
+    CancellationConfig,
+    ModelCompensator,
+    check_torque,
+    signals_of,
+)
+from tcs_friction.control.plausible import Ranges, compensation_limit, ranges
 from tcs_friction.control.stamps import NEW_RUN, NEXT, REFUSED, REPEATED, FollowRule, Step
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND, friction_of, nanoseconds
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.model import ModelConfig, ModelFile
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE, TORQUE, message_of
+from tcs_friction.physics.axis import Axis
+
+HOTTEST, COLDEST = 300.0, -100.0  # degC, of a bearing
 
 
 @dataclass(frozen=True)
-class CompensatorNodeConfig(CompensatorConfig, Ranges, ClockConfig):
-    """Both directions' parameters and Switch3 of the paper."""
+class CompensatorNodeConfig(CompensatorConfig, CancellationConfig, ModelConfig, Ranges, ClockConfig):
+    """Both directions' parameters, the model that takes their place, and Switch3 of the paper."""
 
     switch3: bool = switch(False, "Switch3: the compensation reaches the controller")
     ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: the compensation comes and goes with Switch3 over this time")
+    temperature_age: float = setting(60.0, "s", 0.1, 1e5, "real time: what an older temperature changes is not cancelled")
 
 
 def defaults(file: AxisFile) -> CompensatorNodeConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
-    return derived(CompensatorNodeConfig, control.loop, control.compensator, ranges(file.axis, control.controller))
+    pid = control.controller
+    limit = compensation_limit(file.axis, pid)
+    return derived(CompensatorNodeConfig, control.loop, control.compensator, ranges(file.axis, pid), total_limit=limit)
 
 
 class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
     """While Switch3 is off the torque published is 0; the bristle starts at rest when it is switched on."""
 
     def __init__(self) -> None:
+        self._models = ModelFile()
         super().__init__("lugre_compensator", defaults)
         self._publisher = self.create_publisher(AxisTorque, "friction_compensation", PUBLISH)
         self._message = b""
         self._identified = 0  # ns, stamp of the parameters taken last
         self._stamp = -1
-        self._compensator = LugreCompensator(self.config, self.config.period)
+        self._lugre = LugreCompensator(self.config, self.config.period)
+        self._model: ModelCompensator | None = None
+        self._source = Handover(self._lugre_torque, self._lugre.reset)
+        self._temperature, self._measured = ROOM, -1.0  # degC, and steady time of the last one
+        self._early = b""  # lock-step: the reference that waits for a temperature
         self._rule = FollowRule(self.lock_step)
         self._ramp = Ramp(self.config.ramp_time)
         if not self.lock_step:
@@ -54,17 +75,45 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self.start()
         self.create_subscription(AxisReference, "reference", self._on_reference, LISTEN, raw=True)
         self.create_subscription(LugreParameters, "lugre_parameters", self._on_parameters, LATCHED, raw=True)
+        self.create_subscription(Temperature, "temperature", self._on_temperature, LISTEN)
 
     def configure(self, config: CompensatorNodeConfig) -> None:
         if config.period != self.config.period:
-            self._compensator = LugreCompensator(config, config.period)
+            self._lugre = LugreCompensator(config, config.period)
         super().configure(config)
-        self._compensator.configure(config)
+        self._lugre.configure(config)
+        self._use(self._models.read(config, self.file), config)
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._ramp.duration = config.ramp_time
         self._rule.configure(config.age_limit, config.patience, period=config.period)
 
-    def check(self, config: CompensatorNodeConfig, file: AxisFile) -> None:  # noqa: ARG002
+    def _use(self, axis: Axis | None, config: CompensatorNodeConfig) -> None:
+        """Cancel another model's effects, or the same one's with other switches. One hands the torque over to the other."""
+        before = self._model
+        if axis is None:
+            self._model = None
+        elif before is None or before.model is not axis or before.dt != config.period:
+            self._model = ModelCompensator(axis, config.period, config, signals_of(axis))
+        else:
+            before.configure(config)
+        if self._model is not before:
+            ticks = config.entry_time / config.period
+            if self._model is None:
+                self._source.replace(self._lugre_torque, self._lugre.reset, ticks)
+            else:
+                self._source.replace(self._model.step, self._model.reset, ticks)
+            if self._stamp < 0:
+                self._source.reset()  # nothing has been compensated so far
+        self._judge_surroundings()
+
+    def _lugre_torque(self, _: float, __: float, speed: float, acceleration: float, ___: float) -> float:
+        return self._lugre.step(speed, acceleration)
+
+    def check(self, config: CompensatorNodeConfig, file: AxisFile) -> None:
+        axis = self._models.read(config, file)
+        if axis is not None:
+            limit = min(file.axis.drive.limit, control_of(file).controller.torque_limit)
+            check_torque(ModelCompensator(axis, config.period, signals=signals_of(axis)).largest(), axis, limit)
         for way in ("positive", "negative"):
             friction = getattr(config, way)
             objection = config.torque_objection(max(friction.coulomb, friction.static))
@@ -79,6 +128,9 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         if not (-farthest <= position <= farthest and -fastest <= speed <= fastest and -most <= acceleration <= most):
             self.health.refuse(f"reference refused: {self.config.reference_objection(self.file.axis.inertia, *numbers)}")
             return
+        if self.lock_step and self._awaits_temperature():
+            self._early = data
+            return
         step = self._rule.judge(stamp) if self.lock_step else self._judge_in_real_time(stamp)
         if step is REFUSED:
             return
@@ -87,7 +139,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
                 self.health.repeats += 1
                 self._publisher.publish(self._message)
             return
-        self._message = TORQUE.write(stamp, self._torque(stamp, step, speed, acceleration))
+        self._message = TORQUE.write(stamp, self._torque(stamp, step, numbers))
         self._stamp = stamp
         self.health.ticks += 1
         self._publisher.publish(self._message)
@@ -101,23 +153,60 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             self.health.heard("reference", now, self.config.period)
         return step
 
-    def _torque(self, stamp: int, step: Step, velocity: float, acceleration: float) -> float:
+    def _torque(self, stamp: int, step: Step, reference: tuple[float, ...]) -> float:
         """The compensation, 0 while Switch3 is off; in real time it comes and goes over `ramp_time`."""
         share = 1.0 if self.config.switch3 else 0.0
         if not self.lock_step:
             late = step is NEW_RUN or stamp - self._stamp > self.config.age_limit * SECOND
             share = self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
         if step is NEW_RUN or not share:
-            self._compensator.reset()
+            self._source.reset()
         if not share:
             return 0.0
-        torque = share * self._compensator.step(velocity, acceleration)
+        torque = share * self._source.step(stamp / SECOND, *reference, self._temperature)
         limit = self.config.largest_torque
         if -limit <= torque <= limit:
             return torque
-        self._compensator.reset()
+        self._source.reset()
         self.health.note(f"compensation reset: {self.config.torque_objection(torque)}")
         return 0.0
+
+    # Surroundings
+
+    def missing(self) -> str:
+        return "temperature" if self._early else ""
+
+    def _awaits_temperature(self) -> bool:
+        """Lock-step: whether the model needs a temperature that has yet to come, so that a run is the same every time."""
+        return self._measured < 0.0 and self._model is not None and "temperature" in self._model.needs.values()
+
+    def _on_temperature(self, message: Temperature) -> None:
+        if not COLDEST <= message.temperature <= HOTTEST:
+            self.health.refuse(f"temperature refused: {message.temperature:g} degC, expected {COLDEST:g} to {HOTTEST:g}")
+            return
+        self._temperature, self._measured = message.temperature, time.monotonic()
+        self._judge_surroundings()
+        if self._early:
+            early, self._early = self._early, b""
+            self._on_reference(early)
+
+    def _judge_surroundings(self) -> None:
+        """Take out what depends on a temperature that is too old, and on signals, which no topic gives; both are reported."""
+        if self._model is None:
+            self.health.well("surroundings")
+            return
+        age = time.monotonic() - self._measured
+        warm = self.lock_step or (self._measured >= 0.0 and age <= self.config.temperature_age)
+        missing = {name: what for name, what in self._model.needs.items() if what != "temperature" or not warm}
+        self._model.without(missing)
+        self.health.well("surroundings")
+        if missing:
+            words = ", ".join(f"{name} (no {what})" for name, what in missing.items())
+            self.health.doubt("surroundings", f"not cancelled: {words}")
+
+    def _watch(self, now: float) -> None:
+        self._judge_surroundings()
+        super()._watch(now)
 
     def _on_parameters(self, data: bytes) -> None:
         """Identified parameters become this node's parameters, all of them or none."""

@@ -33,12 +33,19 @@ def changed(config: Config, changes: Mapping[str, Any]) -> Config:
     for entry in settings(config):
         if entry.name in changes:
             value = changes[entry.name]
-            own[entry.name] = float(value) if isinstance(entry.default, float) and type(value) is int else value
+            own[entry.name] = _as_declared(entry, value)
     for part in parts(config):
         inner = {name.partition(".")[2]: value for name, value in changes.items() if name.startswith(f"{part}.")}
         if inner:
             own[part] = changed(getattr(config, part), inner)
     return cast(Config, replace(cast(Any, config), **own))
+
+
+def _as_declared(entry: Setting, value: Any) -> Any:
+    """A whole number serves where a number is meant, and an empty list is [""], for ROS gives an empty one no type."""
+    if isinstance(entry.default, tuple) and isinstance(value, list | tuple):
+        return tuple(item for item in value if item != "")
+    return float(value) if isinstance(entry.default, float) and type(value) is int else value
 
 
 def descriptor(entry: Setting) -> ParameterDescriptor:
@@ -74,11 +81,12 @@ def declare(node: Node, config: Config, fixed: bool = False) -> Config:
 
 
 def _given(node: Node, entry: Setting, name: str, value: Any) -> Any:
-    """Declares one parameter; what it is then. An empty list is declared as [""], for ROS gives an empty one no type."""
-    if not isinstance(value, tuple):
-        return node.declare_parameter(name, value, descriptor(entry)).value
-    found = node.declare_parameter(name, list(value) or [""], descriptor(entry)).value
-    return tuple(item for item in found if item)
+    """Declares one parameter; what it is then."""
+    return node.declare_parameter(name, _as_ros(value), descriptor(entry)).value
+
+
+def _as_ros(value: Any) -> Any:
+    return (list(value) or [""]) if isinstance(value, tuple) else value
 
 
 def refuse_unknown(node: Node) -> None:
@@ -112,7 +120,7 @@ def _names(kind: type[Any], prefix: str = "") -> set[str]:
 
 def as_parameters(config: Any) -> list[Parameter]:
     """A configuration's settings as ROS parameters, without those that are fixed."""
-    return [Parameter(name, value=value) for name, (entry, value) in flatten(config).items() if not entry.fixed]
+    return [Parameter(name, value=_as_ros(value)) for name, (entry, value) in flatten(config).items() if not entry.fixed]
 
 
 def keep_fixed(config: Config, before: Config) -> Config:

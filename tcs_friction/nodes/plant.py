@@ -246,9 +246,12 @@ class Plant(ManagedNode[PlantConfig]):
         if self._reading_ticks and self._index % self._reading_ticks == 0:
             self._publish_reading(stamp)
         if self._index % self._temperature_ticks == 0:
-            temperature = Temperature(temperature=self.config.temperature)
-            set_stamp(temperature, stamp)
-            self._temperatures.publish(temperature)
+            self._publish_temperature(stamp)
+
+    def _publish_temperature(self, stamp: int) -> None:
+        temperature = Temperature(temperature=self.config.temperature)
+        set_stamp(temperature, stamp)
+        self._temperatures.publish(temperature)
 
     def _publish_reading(self, stamp: int) -> None:
         """What a dynamometer would show that measures all that opposes the motion."""
@@ -271,6 +274,7 @@ class Plant(ManagedNode[PlantConfig]):
         if self._repeated == self._stamp:
             self.health.repeats += 1
             self._states.publish(self._state)
+            self._publish_temperature(self._stamp)
         self._repeated = self._stamp
 
 

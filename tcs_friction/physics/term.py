@@ -87,6 +87,14 @@ class Term:
     alignment: the parameter (s) by which the torque is late, where that is all that the effect does: it then stands for torque
     and position of a log that are out of step.
 
+    How a compensator cancels it
+    ----------------------------
+    What acts on the friction or opposes the motion is cancelled by the same kernel, run along the reference; a SENSOR term by
+    taking its error from the measured position; what only delays the drive by commanding earlier.
+    inverse: of another DRIVE term: a kernel with the same parameters and states that returns the command for which the term
+    gives motion[TORQUE]. A DRIVE term without one is not cancelled.
+    uncancelled: why it cannot be cancelled safely, in words, or nothing.
+
     How it is told and drawn
     ------------------------
     coordinate: where it shows, one of COORDINATES.
@@ -129,6 +137,8 @@ class Term:
     neutral: str = ""
     whole: bool = False
     implausible: Implausible = always_plausible
+    inverse: Kernel | None = None
+    uncancelled: str = ""
 
     def __post_init__(self) -> None:
         where = f"term {self.id}"
@@ -188,6 +198,13 @@ class Term:
     def resonates(self) -> bool:
         """Whether it is a body with a linear response."""
         return self.place is Place.BODY and self.transfer is not None
+
+    @property
+    def obstacle(self) -> str:
+        """Why no compensator can cancel it, in words; nothing where one can."""
+        if self.place is Place.DRIVE and self.inverse is None and not self.alignment:
+            return self.uncancelled or "no inverse of it is known"
+        return self.uncancelled
 
     @property
     def collides(self) -> bool:

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 
-from tcs_friction.config import load_axis
-from tcs_friction.control.loop import LoopRun, simulate_loop
+from tcs_friction.config import load_axis, save_axis
+from tcs_friction.control.loop import Cancellation, LoopRun, simulate_loop
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.nodes.graph import GRAPH, LOOP
 from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE, JointWire
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 DURATION = 1.5  # s: from rest through the start of the first leg
@@ -112,6 +114,50 @@ def test_the_graph_equals_the_offline_loop_bit_for_bit(
     else:
         assert not estimate.any()
     assert np.array_equal(ears.column("friction_compensation", 0)[:-1], expected.compensation[1:])
+
+
+def richer(folder: Path) -> Path:
+    """The shipped axis with a drive that ripples and lags, friction that follows the temperature, and encoder errors."""
+    file = load_axis(CONFIG / "azimuth_1p2m.yaml")
+    effects = {
+        "torque_ripple": {"order": 300.0, "amplitude": 0.1},
+        "actuator_lag": {"time_constant": 2e-3},
+        "position_dependent_friction": {"order": 100.0, "amplitude": 0.1},
+        "temperature_dependent_friction": {"dry": -0.01},
+        "flexible_mode": {"frequency": 20.0, "inertia_ratio": 0.1},
+        "encoder_periodic_error": {"order": 3000.0, "amplitude": 4e-7},
+    }
+    axis = file.axis
+    for name, values in effects.items():
+        axis = axis.with_effect(instance(effect(name), values))
+    save_axis(folder / "richer.yaml", file.with_axis(axis))
+    return folder / "richer.yaml"
+
+
+def test_all_that_a_model_knows_is_cancelled_as_in_the_offline_loop_bit_for_bit(
+    together: Callable[..., Any], tmp_path: Path
+) -> None:
+    path, temperature = richer(tmp_path), 15.0
+    given = ("axis", path), ("model", path), ("temperature", temperature), ("run_until", DURATION)
+    switches = ("switch1", "switch3", "feed_back")
+    words = [f"{name}:={value}" for name, value in given] + [f"{name}:=true" for name in switches]
+    ears = run(together(*(word for item in words for word in ("-p", item))))
+    file = load_axis(path)
+    assert file.control is not None
+    reference = load_reference(CONFIG / "azimuth_1p2m_run.yaml")
+    expected = simulate_loop(
+        file.axis,
+        Reference(replace(reference.config, duration=DURATION)),
+        file.control.controller,
+        replace(file.control.loop, compensation="model", feed_back=True),
+        file.control.observer,
+        temperature=temperature,
+        cancellation=Cancellation(file.axis),
+    )
+    assert np.array_equal(ears.column("joint_states", 2), expected.torque)
+    assert np.array_equal(ears.column("friction_estimate", 0), expected.friction_estimate)
+    assert np.array_equal(ears.column("friction_compensation", 0)[:-1], expected.compensation[1:])
+    assert not np.array_equal(ears.column("joint_states", 0), expected.position), "the driver says what the encoder says"
 
 
 def test_another_seed_gives_another_run(together: Callable[..., Any]) -> None:

@@ -28,6 +28,24 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(state[2])
 
 
+BAND = 10.0  # of the lag's own band, up to which it is inverted: the inverse of a lag amplifies all that is faster
+
+
+@kernel
+def inverse(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """u = (1 + s T) / (1 + s T / BAND) u', as a filtered derivative. State: started, torque before, derivative."""
+    wanted, constant = motion[TORQUE], parameters[0]
+    if state[0] == 0.0:
+        state[0], state[1] = 1.0, wanted
+    if dt <= 0.0 or constant <= 0.0:
+        return float(wanted)
+    fast = max(constant / BAND, dt)
+    decay = math.exp(-dt / fast)
+    state[2] = decay * state[2] + (1.0 - decay) * (wanted - state[1]) / dt
+    state[1] = wanted
+    return float(wanted + max(constant - fast, 0.0) * state[2])
+
+
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [{"time_constant": tau} for tau in geometric(0.01 / survey.cutoff, 1.0 / survey.cutoff, 12)]
 
@@ -46,6 +64,7 @@ TERM = Term(
     form="time_constant du'/dt = u - u'",
     parameters=(Parameter("time_constant", "s", "of the lag", lower=0.0, upper=10.0),),
     kernel=torque,
+    inverse=inverse,
     reads=("torque",),
     states=3,
     coordinate="frequency",

@@ -112,6 +112,7 @@ TERM = Term(
     ),
     kernel=torque,
     reads=(),
+    uncancelled="at which side of the gap the second body is cannot be seen, and no torque moves it while the gap is open",
     states=9,
     coordinate="time_since_reversal",
     subsystem="structure",

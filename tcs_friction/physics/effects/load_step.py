@@ -43,6 +43,7 @@ TERM = Term(
     ),
     kernel=torque,
     reads=(),
+    uncancelled="it was an event of the recording",
     coordinate="time",
     subsystem="environment",
     scan=scan,

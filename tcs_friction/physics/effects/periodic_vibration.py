@@ -29,6 +29,7 @@ TERM = Term(
     ),
     kernel=torque,
     reads=(),
+    uncancelled="its phase is that of the recording's clock",
     coordinate="frequency",
     subsystem="environment",
     periodic="time",

@@ -16,6 +16,16 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(motion[TORQUE] * (1.0 + parameters[1] * math.cos(angle)))
 
 
+SMALLEST_GAIN = 0.1  # that is divided by: a drive that gives less there cannot be made up for
+
+
+@kernel
+def inverse(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """The gain is divided out."""
+    wave = parameters[1] * math.cos(parameters[0] * motion[CYCLE] * motion[POSITION] + parameters[2])
+    return float(motion[TORQUE] / max(1.0 + wave, SMALLEST_GAIN))
+
+
 TERM = Term(
     id="torque_ripple",
     place=Place.DRIVE,
@@ -26,6 +36,7 @@ TERM = Term(
         Parameter("phase", "rad", "phase of the ripple", default=0.0, role=Role.PHASE),
     ),
     kernel=torque,
+    inverse=inverse,
     reads=("torque",),
     coordinate="position",
     subsystem="actuator",

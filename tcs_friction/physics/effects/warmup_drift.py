@@ -73,6 +73,7 @@ TERM = Term(
     ),
     kernel=scale,
     reads=(),
+    uncancelled="it began with the recording; temperature_dependent_friction follows a thermometer",
     coordinate="time",
     scan=scan,
     implausible=implausible,

@@ -1,0 +1,72 @@
+"""The axis model that controller, observer and compensator are given, so that what it knows is cancelled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tcs_friction.config import AxisFile
+from tcs_friction.control.config_field import text
+from tcs_friction.control.model_compensator import SwitchConfig, check_model, check_names
+from tcs_friction.control.position_correction import PositionCorrection
+from tcs_friction.errors import InputError
+from tcs_friction.nodes.files import axis_file
+from tcs_friction.physics.axis import Axis
+
+
+@dataclass(frozen=True)
+class ModelConfig(SwitchConfig):
+    """The model and what is left out of it."""
+
+    model: str = text("", "axis file whose effects are cancelled as far as they can be; none: friction by the LuGre parameters")
+
+
+class ModelFile:
+    """The model that a node has read last. A file is read when its name is given, not again at every other change."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        self._axis: Axis | None = None
+
+    def read(self, config: ModelConfig, file: AxisFile) -> Axis | None:
+        """The model of a configuration for the axis of a file, None without one.
+
+        Raises InputError for a file that cannot be read, that is of another axis, or that lacks an effect that is left out.
+        """
+        if not config.model:
+            if config.left_out:
+                raise InputError("left_out", f"{', '.join(config.left_out)} without a model", "parameter model")
+            self._name = ""
+            return None
+        if config.model != self._name or self._axis is None:
+            axis = axis_file(config.model).axis
+            check_model(axis, file.axis)
+            self._name, self._axis = config.model, axis
+        check_names(self._axis, config.left_out)
+        return self._axis
+
+
+class MeasuredMotion:
+    """Position and speed of the axis as a model knows them from the measured ones; the measured ones without a model."""
+
+    def __init__(self) -> None:
+        self._correction: PositionCorrection | None = None
+
+    def configure(self, model: Axis | None, config: ModelConfig, period: float) -> None:
+        """Another model or other switches; a correction by the same model goes on."""
+        if model is None:
+            self._correction = None
+            return
+        if self._correction is None or self._correction.model is not model or self._correction.dt != period:
+            self._correction = PositionCorrection(model, period)
+        self._correction.configure(config.left_out, config.entry_time)
+
+    def reset(self) -> None:
+        """A new run."""
+        if self._correction is not None:
+            self._correction.reset()
+
+    def at(self, position: float, speed: float) -> tuple[float, float]:
+        """Position (rad) and speed (rad/s), to be asked once for each state."""
+        if self._correction is None or not self._correction.effects:
+            return position, speed
+        return self._correction.step(position, speed)

@@ -1,0 +1,134 @@
+"""The compensator with an axis model: switched at run time, refused where it cannot be, without what nobody measures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Temperature
+
+from tcs_friction.config import AxisFile, load_axis, save_axis
+from tcs_friction.nodes.wire import REFERENCE, TORQUE
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+PERIOD_NS = 1_000_000
+SPEED = 0.01  # rad/s
+FRICTION = 78.1 + 572.0 * SPEED
+
+
+def written(path: Path, effects: Mapping[str, Mapping[str, float]], **changes: Any) -> str:
+    """The shipped axis with these effects alone."""
+    file = load_axis(CONFIG / "azimuth_1p2m.yaml")
+    items = tuple(
+        instance(effect(name), values, signal="wind" if effect(name).signals else None) for name, values in effects.items()
+    )
+    save_axis(path, AxisFile(replace(file.axis, effects=items, **changes), None, file.control))
+    return str(path)
+
+
+class Asked:
+    """A compensator in lock-step that is asked tick by tick at constant speed."""
+
+    def __init__(self, together: Callable[..., Any], *words: str) -> None:
+        self.graph = together(*(w for word in ("switch3:=true", *words) for w in ("-p", word)), nodes=("lugre_compensator",))
+        self.node = self.graph["lugre_compensator"]
+        self._tick = 0
+
+    def torques(self, ticks: int) -> np.ndarray:
+        result = []
+        for _ in range(ticks):
+            self.node._on_reference(REFERENCE.write(self._tick * PERIOD_NS, 1e-3 * SPEED * self._tick, SPEED, 0.0))
+            result.append(TORQUE.read(self.node._message)[1][0])
+            self._tick += 1
+        return np.array(result)
+
+    def set(self, **values: Any) -> str:
+        """Why a change was refused, "" when it was not."""
+        given = [Parameter(name, value=value) for name, value in values.items()]
+        return str(self.node.set_parameters_atomically(given).reason)
+
+
+def test_a_model_and_its_effects_come_and_go_without_a_step(together: Callable[..., Any], tmp_path: Path) -> None:
+    model = written(tmp_path / "model.yaml", {"torque_bias": {"bias": 50.0}})
+    asked = Asked(together, "entry_time:=0.1")
+    before = asked.torques(3000)[-1]
+    assert before == pytest.approx(FRICTION, rel=0.05)
+    assert asked.set(model=model) == ""
+    coming = asked.torques(3000)
+    assert coming[-1] == pytest.approx(before + 50.0, rel=0.02)
+    assert np.max(np.abs(np.diff([before, *coming]))) < 4.0, "its bristles bend, and 50 N m come in 100 ticks"
+    assert asked.set(left_out=["torque_bias"]) == ""
+    leaving = asked.torques(200)
+    assert leaving[-1] == pytest.approx(before, rel=0.02)
+    assert np.max(np.abs(np.diff([coming[-1], *leaving]))) < 0.6, "50 N m in 100 ticks"
+    assert asked.set(left_out=[""]) == ""
+    assert asked.torques(200)[-1] == pytest.approx(coming[-1])
+    assert asked.set(effect_limit=20.0) == ""
+    assert asked.torques(10)[-1] == pytest.approx(before + 20.0, rel=0.02)
+    assert asked.set(effect_limit=1e12, total_limit=90.0) == ""
+    assert asked.torques(10)[-1] == 90.0
+    assert asked.set(model="", total_limit=500.0) == ""
+    assert asked.torques(3000)[-1] == pytest.approx(before, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("effects", "changes", "expected"),
+    [
+        ({}, {"kind": "linear"}, "of a linear axis, expected one of the rotary axis azimuth"),
+        ({}, {"name": "altitude"}, "of another joint, expected one of joint azimuth"),
+        ({"transport_delay": {"delay": 0.5}}, {}, "it has to act 50"),
+        ({"imbalance": {"amplitude": 5e3}}, {}, "cancelling what it has takes 5"),
+    ],
+)
+def test_a_model_that_cannot_be_cancelled_is_refused_and_changes_nothing(
+    together: Callable[..., Any], tmp_path: Path, effects: Any, changes: Any, expected: str
+) -> None:
+    asked = Asked(together)
+    reason = asked.set(model=written(tmp_path / "model.yaml", effects, **changes))
+    assert expected in reason
+    assert "\n" not in reason
+    assert asked.node.config.model == ""
+    assert asked.torques(3000)[-1] == pytest.approx(FRICTION, rel=0.05)
+
+
+def test_effects_that_nobody_knows_are_refused(together: Callable[..., Any], tmp_path: Path) -> None:
+    asked = Asked(together, f"model:={written(tmp_path / 'model.yaml', {'torque_bias': {'bias': 50.0}})}")
+    assert "no effect 'torque_bais'" in asked.set(left_out=["torque_bais"])
+    assert "no such file" in asked.set(model="nowhere.yaml")
+    assert "without a model" in asked.set(model="", left_out=["torque_bias"])
+
+
+def test_without_a_thermometer_what_depends_on_it_leaves_and_is_reported(together: Callable[..., Any], tmp_path: Path) -> None:
+    effects = {"temperature_dependent_friction": {"dry": 0.02}, "wind_torque": {"coefficient": 1.0}}
+    path = written(tmp_path / "model.yaml", effects)
+    asked = Asked(together, "clock:=real_time", "temperature_age:=0.3", f"model:={path}")
+    node = asked.node
+    assert "temperature_dependent_friction (no temperature), wind_torque (no wind)" in node.health.warning
+    node._on_temperature(Temperature(temperature=30.0))
+    assert "not cancelled: wind_torque (no wind)" in node.health.warning
+    assert node._model.plan.wanted.sum() == 2.0, "the law and the friction's temperature"
+    node._on_temperature(Temperature(temperature=1e9))
+    assert node.health.refused == 1
+    time.sleep(0.35)
+    node._watch(time.monotonic())
+    assert "temperature_dependent_friction (no temperature)" in node.health.warning
+    assert node._model.plan.wanted.sum() == 1.0
+
+
+def test_lock_step_waits_for_the_temperature_that_a_model_needs(together: Callable[..., Any], tmp_path: Path) -> None:
+    asked = Asked(together, f"model:={written(tmp_path / 'model.yaml', {'temperature_dependent_friction': {'dry': 0.02}})}")
+    asked.node._on_reference(REFERENCE.write(0, 0.0, SPEED, 0.0))
+    assert asked.node._message == b""
+    assert asked.node.missing() == "temperature"
+    asked.node._on_temperature(Temperature(temperature=30.0))
+    assert asked.node._message
+    assert asked.node.missing() == ""
+    assert asked.torques(3000)[-1] == pytest.approx(1.2 * 78.1 + 5.72, rel=0.02)
