@@ -20,6 +20,7 @@ COMMANDS = {
     "simulate": "simulate an axis and its controller; writes a bag",
     "identify": "identify inertia and friction from bags",
     "diagnose": "find the physics that a model lacks against bags",
+    "compensate": "predict what cancelling the physics of an axis file gains on a run",
     "calibrate": "calibrate the friction observer against a dynamometer in bags",
     "response": "frequency response from torque to speed from bags, and models of it",
     "paper": "every table and figure of the paper, ours beside theirs",

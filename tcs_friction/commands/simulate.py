@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcs_friction.config import AxisFile, Control, default_control, load_axis
-from tcs_friction.control.loop import LoopConfig, LoopRun, simulate_loop, ticks
+from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, simulate_loop, ticks
+from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
@@ -40,6 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--reference", type=Path, required=True, metavar="REF.yaml", help="where it should be when"
     )
     parser.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
+    parser.add_argument(
+        "--model", type=Path, metavar="MODEL.yaml", help="whose effects `compensation: model` cancels (default: all)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of torque and encoder noise (default 0)")
     parser.add_argument(
         "--surroundings",
@@ -69,7 +73,8 @@ def run(arguments: argparse.Namespace) -> None:
         control.compensator,
         arguments.seed,
         temperature,
-        {name: exogenous[name] for name in wanted_signals(file)},
+        {name: exogenous[name] for name in signals_of(file.axis)},
+        Cancellation(load_axis(arguments.model).axis if arguments.model else file.axis),
     )
     recording = recorded(loop, temperature, exogenous)
     write_recording(arguments.output, recording, signals)
@@ -87,21 +92,12 @@ def default_signals(axis: str) -> SignalMap:
     )
 
 
-def wanted_signals(file: AxisFile) -> tuple[str, ...]:
-    """Names of the exogenous signals that the axis' effects act on, each once."""
-    tables = [item.table.coordinates for item in file.axis.effects if item.table is not None]
-    prefix = "exogenous:"
-    mapped = [name.removeprefix(prefix) for names in tables for name in names if name.startswith(prefix)]
-    named = [item.signal for item in file.axis.effects if item.signal is not None]
-    return tuple(dict.fromkeys([*named, *mapped]))
-
-
 def surroundings(
     file: AxisFile, reference: Reference, loop: LoopConfig, bag: Path | None
 ) -> tuple[Array, dict[str, Array], list[str]]:
     """Temperature (n,), each exogenous signal (n,) that axis or bag needs, and notes on what was assumed."""
     times = ticks(reference, loop)
-    names = dict.fromkeys([*wanted_signals(file), *(file.signals.exogenous if file.signals else ())])
+    names = dict.fromkeys([*signals_of(file.axis), *(file.signals.exogenous if file.signals else ())])
     found: dict[str, Array] = {}
     temperature = np.full(len(times), ROOM_TEMPERATURE)
     if bag is not None:
@@ -113,7 +109,7 @@ def surroundings(
             temperature = np.interp(times, source.t, source.temperature)
     notes = [
         f"effect signal {name} is taken as 0 (--surroundings BAG gives it)"
-        for name in wanted_signals(file)
+        for name in signals_of(file.axis)
         if name not in found
     ]
     if bag is None and any(item.term.temperature for item in file.axis.effects):

@@ -48,6 +48,7 @@ from tcs_friction.physics.terms import (
 Array = NDArray[np.float64]
 
 LONGEST_LEAD = 0.1  # s, for which a reference is foretold from its acceleration
+EXOGENOUS = "exogenous:"  # what the name of a map's coordinate begins with, if it is a recorded signal
 AT_REST = 1e-9  # rad/s, reference speed below which a law without bristles is not sliding
 ROOM = 20.0  # degC, where nobody measures the temperature
 LOOKS = 20_000  # places of a turn that are looked at for the largest torque
@@ -254,7 +255,7 @@ class ModelCompensator:
     @property
     def needs(self) -> Mapping[str, str]:
         """What has to be measured while the axis runs, by effect: "temperature" or the name of a signal."""
-        asked = {name: "temperature" if item.term.temperature else item.signal for name, item in self.effects.items()}
+        asked = {name: "temperature" if _warms(item) else " and ".join(_signals(item)) for name, item in self.effects.items()}
         return {name: what for name, what in asked.items() if what}
 
     @property
@@ -305,8 +306,18 @@ def _along(m: Machine, plan: Plan, t: Array, motion: Array, surroundings: Array)
 
 
 def signals_of(axis: Axis) -> tuple[str, ...]:
-    """Names of the recorded signals that the effects of an axis act through."""
-    return tuple(dict.fromkeys(item.signal for item in axis.effects if item.signal is not None))
+    """Names of the recorded signals that the effects and maps of an axis act through, each once."""
+    return tuple(dict.fromkeys(name for item in axis.effects for name in _signals(item)))
+
+
+def _warms(item: Instance) -> bool:
+    return item.term.temperature or (item.table is not None and "temperature" in item.table.coordinates)
+
+
+def _signals(item: Instance) -> list[str]:
+    coordinates = item.table.coordinates if item.table is not None else ()
+    mapped = [name.removeprefix(EXOGENOUS) for name in coordinates if name.startswith(EXOGENOUS)]
+    return mapped if item.signal is None else [item.signal, *mapped]
 
 
 def check_names(model: Axis, left_out: Collection[str]) -> None:
