@@ -17,5 +17,6 @@ BENCHMARKS = {
     "identify": "optimisers on the same cost",
     "hardware": "every friction law on every recording of real hardware",
     "hostile": "files drawn to hurt, beside the limits of time and memory",
+    "compensated": "tracking for having been diagnosed, beside an axis without the effects",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

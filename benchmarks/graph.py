@@ -1,8 +1,9 @@
 """Ticks per second of the full lock-step graph (plant, reference, dob, compensator, controller) beside a bare chain of nodes.
 
 The bare chain passes the same messages over the same hops and computes nothing: as ordinary nodes with typed messages, and as
-nodes that only pass bytes on. Both ways: all nodes in one process on one executor, and one process each. Every row
-is the median of several runs, ours and the chain's in turn, so that a busy machine slows both.
+nodes that only pass bytes on. Both ways: all nodes in one process on one executor, and one process each. The graph that cancels
+five effects of an axis model stands beside the one that cancels none. Every row is the median of several runs, ours and the
+others' in turn, so that a busy machine slows all.
 """
 
 from __future__ import annotations
@@ -13,16 +14,30 @@ import multiprocessing
 import os
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from benchmarks.children import deaf
 from tcs_friction.commands.parser import positive
+from tcs_friction.config import load_axis, save_axis, shipped
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
 
 LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
-KINDS = ("graph", "typed", "serialised")
+KINDS = ("graph", "model", "typed", "serialised")
+OURS = ("graph", "model")
+FIVE: tuple[tuple[str, dict[str, float]], ...] = (
+    ("cogging", {"order": 72.0, "amplitude": 0.5}),
+    ("imbalance", {"amplitude": 2.0}),
+    ("coulomb_asymmetry", {"asymmetry": 0.01}),
+    ("torque_ripple", {"order": 24.0, "amplitude": 0.02}),
+    ("encoder_periodic_error", {"order": 3000.0, "amplitude": 1e-8}),
+)
 WARM_UP = 500  # ticks
 
 
@@ -48,6 +63,9 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             results.append(
                 {"name": f"{where}, beside {what}", "value": ours, "unit": "ticks/s", "beside": beside, "ratio": ours / beside}
             )
+        model = statistics.median(rates["model"])
+        name = f"{where}, five effects cancelled, beside none"
+        results.append({"name": name, "value": model, "unit": "ticks/s", "beside": ours, "ratio": model / ours})
     return results
 
 
@@ -92,16 +110,27 @@ def _measure(kind: str, names: Sequence[str], ticks: int, result: Connection) ->
 
 
 def _ros_arguments(kind: str) -> list[str]:
-    if kind != "graph":
+    if kind not in OURS:
         return []
     from tcs_friction.nodes.graph import arguments_for
 
     switches = ["-p", "switch1:=true", "-p", "switch3:=true", "-p", "time_limit:=60.0"]
+    if kind == "model":
+        switches += ["-p", f"model:={_five_effects()}"]
     return arguments_for("azimuth_1p2m.yaml", "azimuth_1p2m_run.yaml", switches)
 
 
+def _five_effects() -> Path:
+    """An axis file of the telescope with five effects, in a directory of its own."""
+    file = load_axis(shipped("azimuth_1p2m.yaml"))
+    items = tuple(instance(effect(name), values) for name, values in FIVE)
+    path = Path(tempfile.mkdtemp(prefix="tcs_friction-bench-")) / "model.yaml"
+    save_axis(path, file.with_axis(replace(file.axis, effects=items)))
+    return path
+
+
 def _factory(kind: str, name: str) -> Callable[[], Any]:
-    if kind == "graph":
+    if kind in OURS:
         from tcs_friction.nodes.graph import factory
 
         return factory(name)
@@ -116,7 +145,7 @@ def _timed(kind: str, plant: Any, executor: Any, ticks: int, spin: Callable[...,
 
     marks: list[float] = []
     done = Future()
-    if kind == "graph":
+    if kind in OURS:
         advance = plant._advance
 
         def counted(torque: float) -> None:

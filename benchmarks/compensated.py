@@ -1,0 +1,209 @@
+"""Tracking for having been diagnosed: concealed worlds diagnosed, what was named cancelled, and tracked on motions never seen.
+
+Each axis hides one effect that can be cancelled, or two. It is diagnosed from a recording by the second simulator of
+`concealed_physics`; then the product's loop moves the true axis on three other motions (sidereal tracking, a satellite's pass,
+reversals), each with friction as believed, with what the diagnosis names, and with the effect switched off. The guard decides on
+measured tracking as a commissioning does, of a diagnosis as it is and of ones that were spoilt: with other signs, other phases,
+and an effect that is not there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.concealed_effects import EFFECTS, compatible
+from benchmarks.worlds import World, draw_world
+from tcs_friction.config import default_control, load_axis, shipped
+from tcs_friction.control.guard import subsets, verified, windowed
+from tcs_friction.control.loop import Cancellation, LoopConfig, simulate_loop
+from tcs_friction.control.model_compensator import CancellationConfig, effect_names, obstacles
+from tcs_friction.control.reference import Reference, reference_from_mapping
+from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.errors import TcsError
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effect, effects, law
+from tcs_friction.physics.terms import Role, instance
+
+SETTLE = 3.0  # s
+RUNS = 2  # of each motion, by which the guard decides
+SIZES = (1.5, 3.0, 6.0)  # torque rms over that of the noise
+PAIRS = 0.3  # share of the worlds
+WORSE = 1.02
+PERCENT = 95.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of this benchmark."""
+    parser.add_argument("--worlds", type=int, default=40, help="how many (default 40, about 15 minutes)")
+    parser.add_argument("--seed", type=int, default=0, help="that they are drawn with (default 0)")
+    parser.add_argument("--show", action="store_true", help="a line for each world")
+
+
+def cancellable() -> list[str]:
+    """Effects that a feed-forward cancels without a thermometer or another signal; parts of the law are the law's."""
+    known = {name: term for name, term in effects().items() if not term.features}
+    return [
+        name
+        for name in EFFECTS
+        if name in known and not (known[name].obstacle or known[name].temperature or known[name].signals)
+    ]
+
+
+def motions(centre: float) -> list[Reference]:
+    """About a position: sidereal tracking, a pass of up to 1.5 deg/s, reversals."""
+    tracking: dict[str, object] = {"kind": "constant_speed", "velocity": 7.3e-5, "start": centre, "duration": 40.0}
+    to_and_fro = [
+        {"kind": "sinusoid", "amplitude": size, "period": period, "duration": seconds, "phase": -0.5 * math.pi, "center": centre}
+        for size, period, seconds in ((0.5, 120.0, 60.0), (1e-3, 10.0, 30.0))
+    ]
+    return [reference_from_mapping(each, "motion") for each in (tracking, *to_and_fro)]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is cancelled: a model, and which of its effects."""
+
+    model: Axis
+    chosen: tuple[str, ...]
+
+    def __hash__(self) -> int:
+        return hash((id(self.model), self.chosen))
+
+
+class Bench:
+    """One true axis under the controller that its believed inertia implies."""
+
+    def __init__(self, true: Axis, believed: Axis, centre: float) -> None:
+        self.true = true
+        self.references = motions(centre)
+        self.controller = default_control(replace(believed, drive=true.drive)).controller
+
+    def errors(self, choice: Choice, axis: Axis | None = None, runs: int = RUNS, measured: bool = False) -> np.ndarray:
+        """Rms error (w,) in every window of every run, true or as the encoder says."""
+        left_out = tuple(name for name in effect_names(choice.model) if name not in choice.chosen)
+        parts = []
+        for reference in self.references:
+            for seed in range(runs):
+                loop = LoopConfig(compensation="model")
+                cancelling = Cancellation(choice.model, CancellationConfig(left_out=left_out))
+                run = simulate_loop(axis or self.true, reference, self.controller, loop, seed=seed, cancellation=cancelling)
+                parts.append(windowed(run.t, run.error if measured else run.reference - run.true_position, SETTLE))
+        return np.concatenate(parts)
+
+    def rms(self, choice: Choice, axis: Axis | None = None) -> float:
+        return float(np.sqrt(np.mean(self.errors(choice, axis) ** 2)))
+
+    def guarded(self, start: Choice, model: Axis, names: Sequence[str]) -> Choice:
+        """What a commissioning would leave the axis with."""
+        candidates = [Choice(model, chosen) for chosen in subsets(names)] + [Choice(model, ())]
+        return verified(start, candidates, lambda choice: self.errors(choice, measured=True))[0]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Tracking of one world over its ideal, and the worst that the guard let pass over what was before."""
+
+    effects: tuple[str, ...]
+    named: bool  # all of them, and nothing else
+    before: float
+    after: float
+    worst: float
+    line: str
+
+
+def true_axis(world: World) -> Axis:
+    """The world's axis in the product's terms, with the shipped telescope's encoder and drive."""
+    telescope = load_axis(shipped("azimuth_1p2m.yaml")).axis
+    items = tuple(instance(effect(name), world.truth.parameters[name]) for name in world.truth.effects)
+    friction = instance(law("lugre"), world.truth.friction)
+    believed = world.believed.axis
+    return replace(telescope, name=believed.name, inertia=world.truth.inertia, friction=friction, effects=items)
+
+
+def spoilt(model: Axis, rng: np.random.Generator) -> dict[str, Axis]:
+    """Models that are wrong: amplitudes with the other sign, phases a quarter off, an effect that is not there."""
+
+    def changed(change: Callable[[Any, float], float]) -> Axis:
+        items = tuple(
+            item.replace(**{p.name: min(max(change(p, item.values[p.name]), p.lower), p.upper) for p in item.term.parameters})
+            for item in model.effects
+        )
+        return replace(model, effects=items)
+
+    ghost = instance(effect("cogging"), {"order": 113.0, "amplitude": rng.uniform(2.0, 10.0), "phase": 1.0})
+    return {
+        "sign": changed(lambda p, value: -value if p.role is Role.LINEAR else value),
+        "phase": changed(lambda p, value: value + 0.5 * math.pi if p.role is Role.PHASE else value),
+        "ghost": model.with_effect(ghost),
+    }
+
+
+def judged(world: World, rng: np.random.Generator) -> Outcome:
+    """Diagnose one world and track with what came of it."""
+    true, believed = true_axis(world), world.believed.axis
+    found = diagnose([world.recording], world.believed)
+    model = found.axis_file.axis
+    named = {one.instance.identity for one in found.effects}
+    hindered = obstacles(model)
+    names = [name for name, item in effect_names(model).items() if item.identity in named and name not in hindered]
+    bench = Bench(true, believed, float(np.median(world.recording.position)))
+    plain = replace(true, effects=())
+    ideal = bench.rms(Choice(plain, ()), plain)
+    start = Choice(believed, ())
+    before = bench.rms(start)
+    after = bench.rms(bench.guarded(start, model, names))
+    worst = after / before
+    for wrong in spoilt(model, rng).values():
+        try:
+            kept = bench.guarded(start, wrong, [name for name in effect_names(wrong) if name not in obstacles(wrong)])
+        except TcsError:
+            continue  # refused before it acts
+        worst = max(worst, bench.rms(kept) / before)
+    right = sorted(one.effect for one in found.effects) == sorted(world.truth.effects)
+    line = (
+        f"{'+'.join(world.truth.effects):50s} {'named' if right else 'not  '} before {before / ideal:6.3f} "
+        f"after {after / ideal:6.3f} worst {worst:6.3f}"
+    )
+    return Outcome(world.truth.effects, right, before / ideal, after / ideal, worst, line)
+
+
+def draw(count: int, seed: int) -> list[tuple[tuple[str, ...], float, np.random.Generator]]:
+    """Effects, size and generator of each world."""
+    known, result = cancellable(), []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        chosen: tuple[str, ...] = (known[number % len(known)],)
+        if number >= (1.0 - PAIRS) * count:
+            while True:
+                chosen = tuple(str(name) for name in rng.choice(known, 2, replace=False))
+                if compatible(chosen):
+                    break
+        result.append((chosen, SIZES[number % len(SIZES)], rng))
+    return result
+
+
+def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows: how many were named, tracking over the ideal before and after, the worst that the guard let pass."""
+    outcomes = []
+    for chosen, size, rng in draw(arguments.worlds, arguments.seed):
+        outcomes.append(judged(draw_world(rng, chosen, size), rng))
+        if arguments.show:
+            print(outcomes[-1].line, flush=True)
+    named = [one for one in outcomes if one.named]
+    rows: list[dict[str, Any]] = [{"name": "named right, of worlds", "value": len(named), "unit": "", "beside": len(outcomes)}]
+    for words, some in (("named right", named), ("all", outcomes)):
+        if not some:
+            continue
+        before, after = (np.array([getattr(one, name) for one in some]) for name in ("before", "after"))
+        for kind, pick in (("median", np.median), (f"{PERCENT:g} %", lambda x: np.percentile(x, PERCENT))):
+            row = {"name": f"rms over ideal, {words}, {kind}, beside before", "value": float(pick(after)), "unit": ""}
+            rows.append(row | {"beside": float(pick(before)), "ratio": float(pick(after) / pick(before))})
+    worst = max(one.worst for one in outcomes)
+    rows.append({"name": "worst over before, spoilt models too, beside the limit", "value": worst, "unit": "", "beside": WORSE})
+    return rows
