@@ -1,8 +1,8 @@
 """The encoder's known errors are taken from the measured position and speed before controller and observer use them.
 
-    q = q_m - e(q),   v = v_m (1 - de/dq)
+    q = q_m - e(q),   v = v_m / (1 + de/dq)
 
-with the kernels that simulate the errors e. They are evaluated at the measured position: an error is small against its period.
+with the kernels that simulate the errors e, by a few steps of fixed-point iteration: an error is small against its period.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from tcs_friction.physics.terms import POSITION, TRAVEL, Place
 
 Array = NDArray[np.float64]
 
+PASSES = 3  # each is nearer by the error's slope
 DIFFERENCE = 1e-6  # turns, of the position, over which an error's slope is taken
 
 
@@ -32,18 +33,22 @@ def correct(m: Machine, shares: Array, wanted: Array, rise: float, position: flo
     first = math.isnan(m.body[MEASURED])
     motion[TRAVEL] = 0.0 if first else position - m.body[MEASURED]
     m.body[MEASURED] = position
-    error, slope = 0.0, 0.0
     for k in range(len(shares)):
         missing = wanted[k] - shares[k]
         shares[k] += missing if first else min(max(missing, -rise), rise)
-        motion[POSITION] = position - step
-        before = call_term(m, k, dt)
-        motion[POSITION] = position + step
-        after = call_term(m, k, dt)
-        motion[POSITION] = position
-        error += shares[k] * call_term(m, k, dt)
-        slope += shares[k] * (after - before) / (2.0 * step)
-    return position - error, velocity * (1.0 - slope)
+    true, slope = position, 0.0
+    for _ in range(PASSES):
+        error, slope = 0.0, 0.0
+        for k in range(len(shares)):
+            motion[POSITION] = true - step
+            before = call_term(m, k, dt)
+            motion[POSITION] = true + step
+            after = call_term(m, k, dt)
+            motion[POSITION] = true
+            error += shares[k] * call_term(m, k, dt)
+            slope += shares[k] * (after - before) / (2.0 * step)
+        true = position - error
+    return true, velocity / (1.0 + slope)
 
 
 class PositionCorrection:

@@ -73,7 +73,7 @@ TERM = Term(
     ),
     kernel=scale,
     reads=(),
-    uncancelled="it began with the recording; temperature_dependent_friction follows a thermometer",
+    uncancelled="it began with the recording",
     coordinate="time",
     scan=scan,
     implausible=implausible,
