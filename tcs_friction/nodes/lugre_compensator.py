@@ -221,7 +221,8 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         values = friction_of(message)
         result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
         if result.successful:
-            self.get_logger().info(f"LuGre parameters taken from {message.source or 'lugre_parameters'}")
+            unused = " but not used: parameter model is set" if self._model is not None else ""
+            self.get_logger().info(f"LuGre parameters taken from {message.source or 'lugre_parameters'}{unused}")
         else:
             self.health.refuse(f"lugre_parameters refused: {result.reason}")
             self.get_logger().warning(f"lugre_parameters refused: {result.reason}")
