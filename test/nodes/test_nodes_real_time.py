@@ -211,7 +211,7 @@ def test_internal_state_that_left_the_range_of_numbers_is_reset_with_a_report(
     settings = ("switch1:=true", "switch3:=true", "compensator:=false", "observer:=false")
     graph = together(*(word for setting in settings for word in ("-p", setting)), nodes=nodes)
     controller, dob, compensator = (graph[name] for name in nodes)
-    for node, core in ((controller, "_pid"), (dob, "_observer"), (compensator, "_compensator")):
+    for node, core in ((controller, "_pid"), (dob, "_observer"), (compensator, "_lugre")):
         monkeypatch.setattr(getattr(node, core), "step", lambda *_: math.nan)
     state, reference = JointWire("azimuth").write(0, 0.0, 0.0, 0.0), REFERENCE.write(0, 0.0, 0.0, 0.0)
     for node in (controller, dob):
