@@ -109,7 +109,6 @@ class Bench:
 class Outcome:
     """Tracking of one world over its ideal, and the worst that the guard let pass over what was before."""
 
-    effects: tuple[str, ...]
     named: bool  # all of them, and nothing else
     before: float
     after: float
@@ -170,7 +169,7 @@ def judged(world: World, rng: np.random.Generator) -> Outcome:
         f"{'+'.join(world.truth.effects):50s} {'named' if right else 'not  '} before {before / ideal:6.3f} "
         f"after {after / ideal:6.3f} worst {worst:6.3f}"
     )
-    return Outcome(world.truth.effects, right, before / ideal, after / ideal, worst, line)
+    return Outcome(right, before / ideal, after / ideal, worst, line)
 
 
 def draw(count: int, seed: int) -> list[tuple[tuple[str, ...], float, np.random.Generator]]:

@@ -51,30 +51,36 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Measure everything."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    with tempfile.TemporaryDirectory(prefix="tcs_friction-bench-") as folder:
+        return _measured(arguments, _five_effects(Path(folder)))
+
+
+def _measured(arguments: argparse.Namespace, model: Path) -> list[dict[str, Any]]:
+    """Every row; `model`: the axis file whose effects are cancelled."""
     results: list[dict[str, Any]] = []
     for together, where, ticks in ((True, "one process", arguments.ticks), (False, "five processes", arguments.ticks // 4)):
         rates: dict[str, list[float]] = {kind: [] for kind in KINDS}
         for _ in range(arguments.repeat):
             for kind in KINDS:
-                rates[kind].append(_rate(kind, together, ticks))
+                rates[kind].append(_rate(kind, together, ticks, model))
         ours = statistics.median(rates["graph"])
         for kind, what in (("typed", "a bare chain of nodes"), ("serialised", "a bare chain that passes bytes")):
             beside = statistics.median(rates[kind])
             results.append(
                 {"name": f"{where}, beside {what}", "value": ours, "unit": "ticks/s", "beside": beside, "ratio": ours / beside}
             )
-        model = statistics.median(rates["model"])
+        cancelling = statistics.median(rates["model"])
         name = f"{where}, five effects cancelled, beside none"
-        results.append({"name": name, "value": model, "unit": "ticks/s", "beside": ours, "ratio": model / ours})
+        results.append({"name": name, "value": cancelling, "unit": "ticks/s", "beside": ours, "ratio": cancelling / ours})
     return results
 
 
-def _rate(kind: str, together: bool, ticks: int) -> float:
+def _rate(kind: str, together: bool, ticks: int, model: Path) -> float:
     """Ticks per second of one run, in fresh processes."""
     context = multiprocessing.get_context("spawn")
     receive, send = context.Pipe(duplex=False)
     groups: list[Sequence[str]] = [LOOP] if together else [("plant",), *((name,) for name in LOOP[1:])]
-    processes = [context.Process(target=_measure, args=(kind, group, ticks, send), daemon=True) for group in groups]
+    processes = [context.Process(target=_measure, args=(kind, group, ticks, model, send), daemon=True) for group in groups]
     for process in reversed(processes):  # the plant last, when the others are on their way
         with deaf():
             process.start()
@@ -88,13 +94,13 @@ def _rate(kind: str, together: bool, ticks: int) -> float:
             process.join()
 
 
-def _measure(kind: str, names: Sequence[str], ticks: int, result: Connection) -> None:
+def _measure(kind: str, names: Sequence[str], ticks: int, model: Path, result: Connection) -> None:
     """In a process of its own: run some nodes; the one with the plant sends the rate."""
     import rclpy
 
     from tcs_friction.nodes.executor import make_executor, spin
 
-    rclpy.init(args=["bench", *_ros_arguments(kind)])
+    rclpy.init(args=["bench", *_ros_arguments(kind, model)])
     executor = make_executor()
     nodes = [_factory(kind, name)() for name in names]
     for node in nodes:
@@ -109,22 +115,22 @@ def _measure(kind: str, names: Sequence[str], ticks: int, result: Connection) ->
     os._exit(0)  # without a farewell to the nodes that are still waiting
 
 
-def _ros_arguments(kind: str) -> list[str]:
+def _ros_arguments(kind: str, model: Path) -> list[str]:
     if kind not in OURS:
         return []
     from tcs_friction.nodes.graph import arguments_for
 
     switches = ["-p", "switch1:=true", "-p", "switch3:=true", "-p", "time_limit:=60.0"]
     if kind == "model":
-        switches += ["-p", f"model:={_five_effects()}"]
+        switches += ["-p", f"model:={model}"]
     return arguments_for("azimuth_1p2m.yaml", "azimuth_1p2m_run.yaml", switches)
 
 
-def _five_effects() -> Path:
-    """An axis file of the telescope with five effects, in a directory of its own."""
+def _five_effects(folder: Path) -> Path:
+    """An axis file of the telescope with five effects."""
     file = load_axis(shipped("azimuth_1p2m.yaml"))
     items = tuple(instance(effect(name), values) for name, values in FIVE)
-    path = Path(tempfile.mkdtemp(prefix="tcs_friction-bench-")) / "model.yaml"
+    path = folder / "model.yaml"
     save_axis(path, file.with_axis(replace(file.axis, effects=items)))
     return path
 

@@ -15,6 +15,7 @@ from typing import Any
 from tcs_friction.commands.parser import parser_of
 from tcs_friction.diagnose.parallel import cores
 from tcs_friction.errors import InputError, nearest
+from tcs_friction.report.numbers import aligned
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,12 +93,8 @@ def table(report: Mapping[str, Any]) -> str:
                 "" if ratio is None else f"{_figure(ratio)} x",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
-    lines = [f"{report['benchmark']}  ({report['machine']['processor']}, {report['machine']['cores']} cores)"]
-    for first, *rest in rows:
-        cells = [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
-        lines.append("  ".join([first.ljust(widths[0]), *cells]).rstrip())
-    return "\n".join(lines)
+    title = f"{report['benchmark']}  ({report['machine']['processor']}, {report['machine']['cores']} cores)"
+    return "\n".join([title, *aligned(rows)])
 
 
 def _figure(value: object) -> str:

@@ -29,7 +29,6 @@ from tcs_friction.control.model_compensator import (
     ModelCompensator,
     check_drive,
     check_model,
-    compensate,
 )
 from tcs_friction.control.observer import REST, ObserverConfig, observer_step, pack
 from tcs_friction.control.pid import STATES as PID_STATES
@@ -143,11 +142,14 @@ def simulate_loop(
     plant = compiled.build(axis, period / substeps, substeps, tuple(exogenous), float(targets[0, 0]))
     observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
     compensating = compensator_parameters(compensator or CompensatorConfig(), period)
-    cancelling = cancellation if config.compensation == "model" else None
-    model, correction = _modelled(cancelling, axis, period, tuple(exogenous))
-    if cancelling is not None:
-        limit = min(axis.drive.limit, controller.torque_limit)
-        check_drive(model.over(times, targets, surroundings), targets, cancelling.model, limit)
+    planned, correction = np.zeros(count), PositionCorrection(replace(axis, effects=()), period)
+    if config.compensation == "model" and cancellation is not None:
+        check_model(cancellation.model, axis)
+        model = ModelCompensator(cancellation.model, period, cancellation.config, tuple(exogenous))
+        planned = model.over(times, targets, surroundings)
+        check_drive(planned, targets, cancellation.model, min(axis.drive.limit, controller.torque_limit))
+        correction = PositionCorrection(cancellation.model, period)
+        correction.configure(cancellation.config.left_out, cancellation.config.entry_time)
     out: Array = np.zeros((10, count))
     _run(
         plant,
@@ -160,13 +162,11 @@ def simulate_loop(
         compensating,
         np.zeros(STATES),
         COMPENSATIONS.index(config.compensation),
-        model.machine,
-        model.plan,
+        planned,
         correction.machine,
         correction.shares,
         correction.wanted,
         correction.rise,
-        times,
         targets,
         surroundings,
         _normals(seed, count),
@@ -176,20 +176,6 @@ def simulate_loop(
         first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
         raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
     return LoopRun(times, targets[:, 0].copy(), targets[:, 1].copy(), *(row.copy() for row in out))
-
-
-def _modelled(
-    cancellation: Cancellation | None, axis: Axis, period: float, signals: tuple[str, ...]
-) -> tuple[ModelCompensator, PositionCorrection]:
-    """What cancels a model's terms in the loop; of an axis without any where there is nothing to cancel."""
-    if cancellation is None:
-        bare = replace(axis, effects=(), actuation_delay=0.0)
-        return ModelCompensator(bare, period, signals=signals), PositionCorrection(bare, period)
-    check_model(cancellation.model, axis)
-    model = ModelCompensator(cancellation.model, period, cancellation.config, signals)
-    correction = PositionCorrection(cancellation.model, period)
-    correction.configure(cancellation.config.left_out, cancellation.config.entry_time)
-    return model, correction
 
 
 def _surroundings(temperature: Array, exogenous: Mapping[str, Array], period: float) -> Array:
@@ -252,13 +238,11 @@ def _run(
     compensating: Array,
     compensator_state: Array,
     compensation_kind: int,
-    model: Any,
-    plan: Any,
+    planned: Array,
     sensor: Any,
     shares: Array,
     wanted_shares: Array,
     rise: float,
-    times: Array,
     targets: Array,
     surroundings: Array,
     normals: Array,
@@ -284,7 +268,7 @@ def _run(
         elif compensation_kind == 2:
             cancelled = stribeck_step(compensator_state, compensating, v_ref, a_ref)
         elif compensation_kind == 3:
-            cancelled = compensate(model, plan, times[k], q_ref, v_ref, a_ref, surroundings[k])
+            cancelled = planned[k]
         added = cancelled
         if feed_back:
             added += observer_state[REST]

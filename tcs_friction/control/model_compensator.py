@@ -48,7 +48,6 @@ from tcs_friction.physics.terms import (
 Array = NDArray[np.float64]
 
 LONGEST_LEAD = 0.1  # s, for which a reference is foretold from its acceleration
-EXOGENOUS = "exogenous:"  # what the name of a map's coordinate begins with, if it is a recorded signal
 AT_REST = 1e-9  # rad/s, reference speed below which a law without bristles is not sliding
 ROOM = 20.0  # degC, where nobody measures the temperature
 LOOKS = 20_000  # places of a turn that are looked at for the largest torque
@@ -97,14 +96,25 @@ def _bounded(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def follow(shares: Array, wanted: Array, rise: float, at_once: bool) -> None:
+    """One tick of shares (k,) on their way to what is wanted (k,), by at most `rise`."""
+    for k in range(len(shares)):
+        missing = wanted[k] - shares[k]
+        shares[k] += missing if at_once else _bounded(missing, rise)
+
+
+def rise_per_tick(dt: float, entry_time: float) -> float:
+    """By how much a share may change in a tick of `dt` seconds."""
+    return dt / entry_time if entry_time > 0.0 else 1.0
+
+
 @njit(cache=True, error_model="numpy")
 def compensate(m: Machine, plan: Plan, t: float, q_ref: float, v_ref: float, a_ref: float, surroundings: Any) -> float:
     """One tick: the torque to add to the command, N m. `surroundings`: temperature, then each signal and its rate."""
     shares, parts, constants, memory, motion = plan.shares, plan.parts, plan.constants, plan.memory, m.motion
     dt, first = constants[_DT], memory[_PRIMED] == 0.0
-    for k in range(len(shares)):
-        missing = plan.wanted[k] - shares[k]
-        shares[k] += missing if first else _bounded(missing, constants[_RISE])
+    follow(shares, plan.wanted, constants[_RISE], first)
     lead = constants[_LEAD]
     for d in range(len(plan.delays)):
         lead += shares[len(m.kernels) + d] * plan.delays[d]
@@ -168,14 +178,7 @@ def effect_names(axis: Axis) -> dict[str, Instance]:
 
 def obstacles(axis: Axis) -> dict[str, str]:
     """Effects of an axis that no feed-forward can cancel, by name, and why."""
-    found = {name: _obstacle(item) for name, item in effect_names(axis).items()}
-    return {name: why for name, why in found.items() if why}
-
-
-def _obstacle(item: Instance) -> str:
-    if item.table is not None and "time" in item.table.coordinates:
-        return "its table is one of the recording's time"
-    return item.term.obstacle
+    return {name: item.obstacle for name, item in effect_names(axis).items() if item.obstacle}
 
 
 class ModelCompensator:
@@ -231,11 +234,9 @@ class ModelCompensator:
         validate(config, "cancellation")
         check_names(self.model, config.left_out)
         self.config = config
-        self.plan.constants[_RISE] = self.dt / config.entry_time if config.entry_time > 0.0 else 1.0
+        self.plan.constants[_RISE] = rise_per_tick(self.dt, config.entry_time)
         self.plan.constants[_LIMIT] = config.total_limit
-        self.plan.limits[:] = [
-            config.effect_limit if self._cancels(item) else math.inf for item in self._all
-        ]
+        self.plan.limits[:] = [config.effect_limit if self._cancels(item) else math.inf for item in self._all]
         self._switch()
 
     def without(self, missing: Collection[str]) -> None:
@@ -255,7 +256,7 @@ class ModelCompensator:
     @property
     def needs(self) -> Mapping[str, str]:
         """What has to be measured while the axis runs, by effect: "temperature" or the name of a signal."""
-        asked = {name: "temperature" if _warms(item) else " and ".join(_signals(item)) for name, item in self.effects.items()}
+        asked = {name: "temperature" if item.thermal else " and ".join(item.signals) for name, item in self.effects.items()}
         return {name: what for name, what in asked.items() if what}
 
     @property
@@ -307,17 +308,7 @@ def _along(m: Machine, plan: Plan, t: Array, motion: Array, surroundings: Array)
 
 def signals_of(axis: Axis) -> tuple[str, ...]:
     """Names of the recorded signals that the effects and maps of an axis act through, each once."""
-    return tuple(dict.fromkeys(name for item in axis.effects for name in _signals(item)))
-
-
-def _warms(item: Instance) -> bool:
-    return item.term.temperature or (item.table is not None and "temperature" in item.table.coordinates)
-
-
-def _signals(item: Instance) -> list[str]:
-    coordinates = item.table.coordinates if item.table is not None else ()
-    mapped = [name.removeprefix(EXOGENOUS) for name in coordinates if name.startswith(EXOGENOUS)]
-    return mapped if item.signal is None else [item.signal, *mapped]
+    return tuple(dict.fromkeys(name for item in axis.effects for name in item.signals))
 
 
 def check_names(model: Axis, left_out: Collection[str]) -> None:

@@ -14,39 +14,30 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tcs_friction.control.model_compensator import effect_names
+from tcs_friction.control.model_compensator import effect_names, follow, rise_per_tick
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.machine import MEASURED, PHASE_PER_UNIT, STEP, Machine, build, call_term
-from tcs_friction.physics.terms import POSITION, TRAVEL, Place
+from tcs_friction.physics.machine import MEASURED, STEP, Machine, build, sensor_error
+from tcs_friction.physics.terms import TRAVEL, Place
 
 Array = NDArray[np.float64]
 
 PASSES = 3  # each is nearer by the error's slope
-DIFFERENCE = 1e-6  # turns, of the position, over which an error's slope is taken
 
 
 @njit(cache=True, error_model="numpy")
 def correct(m: Machine, shares: Array, wanted: Array, rise: float, position: float, velocity: float) -> tuple[float, float]:
     """One tick: position and speed without the errors' shares. Shares follow `wanted` by at most `rise`."""
-    motion, dt = m.motion, m.constants[STEP]
-    step = DIFFERENCE * 2.0 * math.pi / m.constants[PHASE_PER_UNIT]
     first = math.isnan(m.body[MEASURED])
-    motion[TRAVEL] = 0.0 if first else position - m.body[MEASURED]
+    m.motion[TRAVEL] = 0.0 if first else position - m.body[MEASURED]
     m.body[MEASURED] = position
-    for k in range(len(shares)):
-        missing = wanted[k] - shares[k]
-        shares[k] += missing if first else min(max(missing, -rise), rise)
+    follow(shares, wanted, rise, first)
     true, slope = position, 0.0
     for _ in range(PASSES):
         error, slope = 0.0, 0.0
         for k in range(len(shares)):
-            motion[POSITION] = true - step
-            before = call_term(m, k, dt)
-            motion[POSITION] = true + step
-            after = call_term(m, k, dt)
-            motion[POSITION] = true
-            error += shares[k] * call_term(m, k, dt)
-            slope += shares[k] * (after - before) / (2.0 * step)
+            own = sensor_error(m, k, true, m.constants[STEP])
+            error += shares[k] * own[0]
+            slope += shares[k] * own[1]
         true = position - error
     return true, velocity / (1.0 + slope)
 
@@ -66,7 +57,7 @@ class PositionCorrection:
     def configure(self, left_out: Collection[str], entry_time: float) -> None:
         """Other effects left out, by name, from the next tick on; each comes and goes within `entry_time` (s)."""
         self.wanted[:] = [0.0 if name in left_out else 1.0 for name in self.effects]
-        self.rise = self.dt / entry_time if entry_time > 0.0 else 1.0
+        self.rise = rise_per_tick(self.dt, entry_time)
 
     def reset(self) -> None:
         """Forget the past."""

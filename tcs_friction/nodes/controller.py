@@ -21,7 +21,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
-from tcs_friction.nodes.model import MeasuredMotion, ModelConfig, ModelFile
+from tcs_friction.nodes.model import MeasuredMotion, ModelConfig
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
 from tcs_friction.nodes.rivals import HeardInput, Rivals
 from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE
@@ -55,7 +55,7 @@ class Controller(ManagedNode[ControllerConfig]):
     """Answers every joint state with one torque command; in lock-step once all inputs of its stamp are there."""
 
     def __init__(self) -> None:
-        self._models, self._motion = ModelFile(), MeasuredMotion()
+        self._motion = MeasuredMotion()
         super().__init__("controller", defaults)
         self._publisher = self.create_publisher(AxisTorque, "torque_command", PUBLISH)
         self._message = b""
@@ -80,14 +80,14 @@ class Controller(ManagedNode[ControllerConfig]):
         self.rivals = Rivals(self, heard)
 
     def check(self, config: ControllerConfig, file: AxisFile) -> None:
-        self._models.read(config, file)
+        self._motion.check(config, file)
 
     def configure(self, config: ControllerConfig) -> None:
         if config.period != self.config.period:
             self._pid = DoubleLoopPid(config, config.period)
         super().configure(config)
         self._pid.configure(config)
-        self._motion.configure(self._models.read(config, self.file), config, config.period)
+        self._motion.configure(config, self.file, config.period)
         self._lock_step = self.lock_step
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)

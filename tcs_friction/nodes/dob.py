@@ -27,7 +27,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.joint_input import JointInput
-from tcs_friction.nodes.model import MeasuredMotion, ModelConfig, ModelFile
+from tcs_friction.nodes.model import MeasuredMotion, ModelConfig
 from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE
 
@@ -56,7 +56,7 @@ class Dob(AxisNode[DobNodeConfig]):
     """Answers every joint state with an estimate; while Switch1 is off, with one that is not valid."""
 
     def __init__(self) -> None:
-        self._models, self._motion = ModelFile(), MeasuredMotion()
+        self._motion = MeasuredMotion()
         super().__init__("dob", defaults)
         self._publisher = self.create_publisher(FrictionEstimate, "friction_estimate", PUBLISH)
         self._message = b""
@@ -79,13 +79,13 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def check(self, config: DobNodeConfig, file: AxisFile) -> None:
         config.design(config.period)
-        self._models.read(config, file)
+        self._motion.check(config, file)
 
     def configure(self, config: DobNodeConfig) -> None:
         super().configure(config)
         self._period_ns = round(config.period * SECOND)
         self._limit = config.largest_torque
-        self._motion.configure(self._models.read(config, self.file), config, config.period)
+        self._motion.configure(config, self.file, config.period)
         self._state.configure(self.file.axis.name, config)
         self._faded.configure(config.age_limit, config.ramp_time)
         if not self.lock_step:

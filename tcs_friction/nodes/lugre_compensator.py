@@ -58,13 +58,13 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
 
     def __init__(self) -> None:
         self._models = ModelFile()
+        self._model: ModelCompensator | None = None
         super().__init__("lugre_compensator", defaults)
         self._publisher = self.create_publisher(AxisTorque, "friction_compensation", PUBLISH)
         self._message = b""
         self._identified = 0  # ns, stamp of the parameters taken last
         self._stamp = -1
         self._lugre = LugreCompensator(self.config, self.config.period)
-        self._model: ModelCompensator | None = None
         self._source = Handover(self._lugre_torque, self._lugre.reset)
         self._temperature, self._measured = ROOM, -1.0  # degC, and steady time of the last one
         self._early = b""  # lock-step: the reference that waits for a temperature
@@ -92,10 +92,10 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         before = self._model
         if axis is None:
             self._model = None
-        elif before is None or before.model is not axis or before.dt != config.period:
-            self._model = ModelCompensator(axis, config.period, config, signals_of(axis))
-        else:
+        elif before is not None and self._runs(axis, config):
             before.configure(config)
+        else:
+            self._model = ModelCompensator(axis, config.period, config, signals_of(axis))
         if self._model is not before:
             ticks = config.entry_time / config.period
             if self._model is None:
@@ -106,12 +106,16 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
                 self._source.reset()  # nothing has been compensated so far
         self._judge_surroundings()
 
+    def _runs(self, axis: Axis, config: CompensatorNodeConfig) -> bool:
+        """Whether the model in use is of this axis at this period."""
+        return self._model is not None and self._model.model is axis and self._model.dt == config.period
+
     def _lugre_torque(self, _: float, __: float, speed: float, acceleration: float, ___: float) -> float:
         return self._lugre.step(speed, acceleration)
 
     def check(self, config: CompensatorNodeConfig, file: AxisFile) -> None:
         axis = self._models.read(config, file)
-        if axis is not None:
+        if axis is not None and not (self._runs(axis, config) and file is self.file):
             limit = min(file.axis.drive.limit, control_of(file).controller.torque_limit)
             check_torque(ModelCompensator(axis, config.period, signals=signals_of(axis)).largest(), axis, limit)
         for way in ("positive", "negative"):

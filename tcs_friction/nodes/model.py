@@ -37,22 +37,29 @@ class ModelFile:
                 raise InputError("left_out", f"{', '.join(config.left_out)} without a model", "parameter model")
             self._name = ""
             return None
-        if config.model != self._name or self._axis is None:
+        axis = self._axis
+        if axis is None or config.model != self._name:
             axis = axis_file(config.model).axis
-            check_model(axis, file.axis)
-            self._name, self._axis = config.model, axis
-        check_names(self._axis, config.left_out)
-        return self._axis
+        check_model(axis, file.axis)
+        check_names(axis, config.left_out)
+        self._name, self._axis = config.model, axis
+        return axis
 
 
 class MeasuredMotion:
     """Position and speed of the axis as a model knows them from the measured ones; the measured ones without a model."""
 
     def __init__(self) -> None:
+        self._models = ModelFile()
         self._correction: PositionCorrection | None = None
 
-    def configure(self, model: Axis | None, config: ModelConfig, period: float) -> None:
+    def check(self, config: ModelConfig, file: AxisFile) -> None:
+        """Raises InputError for a model that cannot be used on the axis of a file."""
+        self._models.read(config, file)
+
+    def configure(self, config: ModelConfig, file: AxisFile, period: float) -> None:
         """Another model or other switches; a correction by the same model goes on."""
+        model = self._models.read(config, file)
         if model is None:
             self._correction = None
             return

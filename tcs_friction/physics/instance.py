@@ -47,6 +47,24 @@ class Instance:
             return centre - width, centre + width
         return self.term.extent(self.values) if self.term.extent is not None else None
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the recorded signals that it acts through."""
+        own = () if self.signal is None else (self.signal,)
+        return own if self.table is None else (*own, *self.table.signals)
+
+    @property
+    def thermal(self) -> bool:
+        """Whether it follows the temperature."""
+        return self.term.temperature or (self.table is not None and "temperature" in self.table.coordinates)
+
+    @property
+    def obstacle(self) -> str:
+        """Why no compensator can cancel it, in words; nothing where one can."""
+        if self.table is not None and "time" in self.table.coordinates:
+            return "its table is one of the recording's time"
+        return self.term.obstacle
+
     def replace(self, **values: float) -> Instance:
         """The same instance with some values changed."""
         changed = instance(self.term, {**self.values, **values}, signal=self.signal, table=self.table)

@@ -247,21 +247,28 @@ REQUIRED, ROTOR, DRY_PART, VISCOUS_PART, AVAILABLE, SHARE, OPPOSED, MOVED = rang
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def true_instant(m: Machine, q: float, v: float, a: float, dt: float) -> tuple[float, float, float]:
-    """Position, velocity and acceleration behind measured ones: the sensor terms' errors taken away."""
+def sensor_error(m: Machine, k: int, q: float, dt: float) -> tuple[float, float, float]:
+    """A sensor term's error at a position, its slope and its curvature over the position."""
     motion = m.motion
     step = 1e-6 * 2.0 * math.pi / m.constants[PHASE_PER_UNIT]
+    motion[POSITION] = q - step
+    before = call_term(m, k, dt)
+    motion[POSITION] = q + step
+    after = call_term(m, k, dt)
+    motion[POSITION] = q
+    here = call_term(m, k, dt)
+    return here, (after - before) / (2.0 * step), (after - 2.0 * here + before) / (step * step)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def true_instant(m: Machine, q: float, v: float, a: float, dt: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration behind measured ones: the sensor terms' errors taken away."""
     error, slope, curve = 0.0, 0.0, 0.0
     for k in range(m.ends[4], m.ends[5]):
-        motion[POSITION] = q - step
-        before = call_term(m, k, dt)
-        motion[POSITION] = q + step
-        after = call_term(m, k, dt)
-        motion[POSITION] = q
-        here = call_term(m, k, dt)
-        error += here
-        slope += (after - before) / (2.0 * step)
-        curve += (after - 2.0 * here + before) / (step * step)
+        own = sensor_error(m, k, q, dt)
+        error += own[0]
+        slope += own[1]
+        curve += own[2]
     return q - error, v - slope * v, a - slope * a - curve * v * v
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from tcs_friction.errors import InputError
 from tcs_friction.physics.motion import SLOTS, signal_slot
 
+RECORDED = "exogenous:"  # before the name of a recorded signal that is a coordinate
+
 
 @dataclass(frozen=True)
 class Table:
@@ -31,10 +33,15 @@ class Table:
         """Equal for equal tables."""
         return self.coordinates, self.lower, self.upper, self.values.shape, self.values.tobytes()
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the recorded signals among its coordinates."""
+        return tuple(name.removeprefix(RECORDED) for name in self.coordinates if name.startswith(RECORDED))
+
     def slot(self, coordinate: str, signals: tuple[str, ...]) -> int:
         if coordinate in SLOTS:
             return SLOTS[coordinate]
-        name = coordinate.removeprefix("exogenous:")
+        name = coordinate.removeprefix(RECORDED)
         if name not in signals:
             raise InputError(
                 "table",

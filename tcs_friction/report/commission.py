@@ -30,6 +30,7 @@ from tcs_friction.report.html import (
     table,
     write_page,
 )
+from tcs_friction.report.numbers import aligned
 from tcs_friction.report.runs import (
     FrictionRun,
     TrackingRun,
@@ -123,12 +124,7 @@ TABLE_3_HEAD = ("", "before", "after", "cut by", "paper before", "paper after", 
 def console_table(result: CommissionResult) -> str:
     """The before/after table beside the paper's, for a terminal."""
     rows = [TABLE_3_HEAD, *table_3(result.before.errors(result.settle), result.after.errors(result.settle))]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(TABLE_3_HEAD))]
-    lines = []
-    for first, *rest in rows:
-        cells = [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
-        lines.append("  ".join([first.ljust(widths[0]), *cells]))
-    return "\n".join(lines)
+    return "\n".join(aligned(rows))
 
 
 def write_report(directory: Path, result: CommissionResult) -> Path:

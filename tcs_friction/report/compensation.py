@@ -14,6 +14,7 @@ from tcs_friction.control.worth import ALL, IDEAL, LAW, NOTHING, Stage, Worth
 from tcs_friction.physics.axis import Axis
 from tcs_friction.report.figures import BELIEVED, IMPROVED, MUTED, TRUTH, drawn, label, legend, line, panels
 from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
+from tcs_friction.report.numbers import aligned
 
 SCHEMA = "tcs_friction/compensation/1"
 
@@ -74,10 +75,8 @@ def _words(stage: Stage) -> str:
 def text_table(found: Worth, axis: Axis) -> str:
     """The rows for a terminal."""
     head = ["cancelled", f"rms ({unit_of_error(axis)[1]})", "5 to 95 %", "largest"]
-    lines = [head, *rows(found, axis)]
-    widths = [max(len(line[k]) for line in lines) for k in range(4)]
-    shown = ["  ".join([line[0].ljust(widths[0]), *(line[k].rjust(widths[k]) for k in (1, 2, 3))]) for line in lines]
-    return "\n".join([*shown, *(f"not cancelled: {name}, {why}" for name, why in found.not_cancelled.items())])
+    hindered = (f"not cancelled: {name}, {why}" for name, why in found.not_cancelled.items())
+    return "\n".join([*aligned([head, *rows(found, axis)]), *hindered])
 
 
 def write_report(directory: Path, found: Worth, axis: Axis, reference: str, notes: Sequence[str] = ()) -> Path:

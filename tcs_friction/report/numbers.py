@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 
 def unbroken(words: str) -> str:
@@ -34,3 +35,14 @@ def with_error(value: float, std: float | None) -> str:
         return f"{value:.5g} ± {std:.2g}"
     places = max(digits, 0)
     return f"{round(value, digits):.{places}f} ± {round(std, digits):.{places}f}"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table for a terminal: the first column to the left, numbers to the right.
+
+    >>> aligned([["", "rms"], ["friction law", "0.0146"]])
+    ['                 rms', 'friction law  0.0146']
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    cells = [[row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])] for row in rows]
+    return ["  ".join(line).rstrip() for line in cells]

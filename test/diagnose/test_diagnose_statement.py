@@ -25,7 +25,12 @@ def said(*effects: Found, verdict: str = "missing_physics", mapped: bool = False
 def test_two_orders_of_one_effect_are_two_effects_and_one_remedy() -> None:
     text = said(*(found("cogging", order=order, amplitude=1.0) for order in (7.0, 28.0)))
     assert "cogging (order 7 1/turn, amplitude 1 N m; 0.7 N m rms) and cogging (order 28 1/turn" in text
-    assert text.endswith("A feed-forward compensator can cancel cogging.")
+    assert text.endswith("Compensation can cancel cogging.")
+
+
+def test_what_no_compensator_can_cancel_is_not_said_to_be_cancelled() -> None:
+    assert said(found("encoder_periodic_error", order=5.0, amplitude=1e-5)).endswith("cancel encoder periodic error.")
+    assert "cancel" not in said(found("load_step", step=3.0, time=10.0), found("load_step", step=-1.0, time=50.0))
 
 
 def test_more_than_three_effects_are_not_all_spelled_out() -> None:

@@ -106,6 +106,17 @@ def test_effects_that_nobody_knows_are_refused(together: Callable[..., Any], tmp
     assert "without a model" in asked.set(model="", left_out=["torque_bias"])
 
 
+def test_a_model_is_refused_for_another_axis_and_the_one_in_use_goes_on(together: Callable[..., Any], tmp_path: Path) -> None:
+    model = written(tmp_path / "model.yaml", {"torque_bias": {"bias": 50.0}})
+    asked = Asked(together, f"model:={model}")
+    in_use = asked.node._model
+    reason = asked.set(axis=written(tmp_path / "altitude.yaml", {}, name="altitude"), model=model)
+    assert "of another joint, expected one of joint altitude" in reason
+    assert "of another joint" in asked.set(model=written(tmp_path / "other.yaml", {}, name="altitude"))
+    assert asked.set(effect_limit=20.0) == ""
+    assert asked.node._model is in_use
+
+
 def test_without_a_thermometer_what_depends_on_it_leaves_and_is_reported(together: Callable[..., Any], tmp_path: Path) -> None:
     effects = {"temperature_dependent_friction": {"dry": 0.02}, "wind_torque": {"coefficient": 1.0}}
     path = written(tmp_path / "model.yaml", effects)

@@ -103,7 +103,8 @@ class _Conclusion:
         data, explanation, retuned = self.balance.data, self.explanation, moved["retuned"]
         if not found or not moves_worse(moved["improved"], retuned):
             return ()
-        if not moves_worse(window_errors(data, explanation.unmapped.axis), retuned):
+        mapped = explanation.unmapped is not explanation.improved
+        if mapped and not moves_worse(window_errors(data, explanation.unmapped.axis), retuned):
             return ()  # it is the map that moves worse
         without = (window_errors(data, explanation.without(one.instance).axis) for one in found)
         return tuple(one for one, windows in zip(found, without, strict=True) if not moves_worse(windows, retuned))

@@ -59,17 +59,14 @@ class _Proof:
         gain = contest.gain if contest is not None else 0.0
         kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
         torque = self.residual(fit.axis.without_effect(item)) - self.residual(fit.axis)
-        alone = self.explanation.without(item)
-        return self._proven(item, kinds, self._parameters(item), torque, alone, gain, fit.numbers_of(item))
+        return self._proven(item, kinds, self._parameters(item), torque, gain, fit.numbers_of(item))
 
     def lacked(self, lack: Lack) -> Found:
         """What the believed law lacks of the improved axis' law, with its proof."""
         fit = self.fit
         torque = self.residual(lack.without.axis) - self.residual(fit.axis)
         count = max(len(fit.free) - len(lack.without.free), 1)
-        return self._proven(
-            lack.effect, (), self._parameters_of_law(lack), torque, lack.without, lack.gain, count
-        )
+        return self._proven(lack.effect, (), self._parameters_of_law(lack), torque, lack.gain, count)
 
     def _proven(
         self,
@@ -77,7 +74,6 @@ class _Proof:
         equivalent: tuple[Kind, ...],
         parameters: Mapping[str, Mapping[str, Any]],
         torque: np.ndarray,
-        alone: Fit,
         gain: float,
         count: int,
     ) -> Found:
@@ -85,7 +81,7 @@ class _Proof:
 
         A map has no part in it: what it predicts is no proof of an effect.
         """
-        fit = self.explanation.unmapped
+        fit, alone = self.explanation.unmapped, self.explanation.without(item)
         before, after = self.residual(alone.axis), self.residual(fit.axis)
         held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
         penalty = count * math.log(self.balance.samples.effective_count)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
 from tcs_friction.diagnose.search.start import Kind
-from tcs_friction.physics.terms import Place, Role
+from tcs_friction.physics.terms import Role
 
 SPOKEN = 3  # effects with their numbers in the sentence; the table has them all
 
@@ -72,9 +72,9 @@ def statement(
             text += f": look at what changes with {over}."
     if worse:
         text += f" A simulation with {listed(effect_words(worse))} predicts torque better and moves worse: described, not named."
-    cancel = effect_words([f for f in effects if f.instance.term.place in (Place.SCALE, Place.OPPOSING)])
+    cancel = effect_words([f for f in effects if not f.instance.obstacle])
     if cancel:
-        text += f" A feed-forward compensator can cancel {listed(cancel)}."
+        text += f" Compensation can cancel {listed(cancel)}."
     return text + "".join(f" Not to be judged from this: {line}." for line in limits)
 
 
