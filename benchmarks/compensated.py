@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.concealed_effects import EFFECTS, compatible
 from benchmarks.worlds import World, draw_world
 from tcs_friction.config import default_control, load_axis, shipped
-from tcs_friction.control.guard import subsets, verified, windowed
+from tcs_friction.control.guard import choose, judged, windowed
 from tcs_friction.control.loop import Cancellation, LoopConfig, simulate_loop
 from tcs_friction.control.model_compensator import CancellationConfig, effect_names, obstacles
 from tcs_friction.control.reference import Reference, reference_from_mapping
@@ -101,8 +101,9 @@ class Bench:
 
     def guarded(self, start: Choice, model: Axis, names: Sequence[str]) -> Choice:
         """What a commissioning would leave the axis with."""
-        candidates = [Choice(model, chosen) for chosen in subsets(names)] + [Choice(model, ())]
-        return verified(start, candidates, lambda choice: self.errors(choice, measured=True))[0]
+        before = self.errors(start, measured=True)
+        found = judged(choose(names, before), lambda effects: self.errors(Choice(model, effects), measured=True))
+        return start if found.effects is None else Choice(model, found.effects)
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def spoilt(model: Axis, rng: np.random.Generator) -> dict[str, Axis]:
     }
 
 
-def judged(world: World, rng: np.random.Generator) -> Outcome:
+def outcome(world: World, rng: np.random.Generator) -> Outcome:
     """Diagnose one world and track with what came of it."""
     true, believed = true_axis(world), world.believed.axis
     found = diagnose([world.recording], world.believed)
@@ -191,7 +192,7 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Rows: how many were named, tracking over the ideal before and after, the worst that the guard let pass."""
     outcomes = []
     for chosen, size, rng in draw(arguments.worlds, arguments.seed):
-        outcomes.append(judged(draw_world(rng, chosen, size), rng))
+        outcomes.append(outcome(draw_world(rng, chosen, size), rng))
         if arguments.show:
             print(outcomes[-1].line, flush=True)
     named = [one for one in outcomes if one.named]

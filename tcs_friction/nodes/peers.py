@@ -42,9 +42,12 @@ class ResultsConfig:
 
 
 @contextmanager
-def new_results(results: str, name: str) -> Iterator[Path | None]:
-    """The directory `name` below `results` to write into, None without a name; one that stays empty goes again."""
-    path = result_directory(results, name) if name else None
+def new_results(results: str, name: str, resumes: str = "") -> Iterator[Path | None]:
+    """The directory `name` below `results` to write into, None without a name; one that stays empty goes again.
+
+    resumes: name of a file; a directory that has it may hold something already.
+    """
+    path = result_directory(results, name, resumes) if name else None
     try:
         yield path
     finally:
@@ -53,8 +56,8 @@ def new_results(results: str, name: str) -> Iterator[Path | None]:
                 path.rmdir()
 
 
-def result_directory(results: str, name: str) -> Path:
-    """The directory `name` below the directory `results`, new or empty; it is made.
+def result_directory(results: str, name: str, resumes: str = "") -> Path:
+    """The directory `name` below the directory `results`; it is made. New, empty, or with a file of the name `resumes`.
 
     Raises InputError when the name leads elsewhere, is in use or cannot be made.
     """
@@ -67,7 +70,7 @@ def result_directory(results: str, name: str) -> Path:
         raise InputError(f"directory {shown}", "leads elsewhere", f"a name below {root}")
     try:
         path.mkdir(parents=True, exist_ok=True)
-        used = any(path.iterdir())
+        used = any(path.iterdir()) and not (resumes and (path / resumes).is_file())
     except OSError as error:
         raise InputError(str(path), f"cannot be made ({error.strerror or error})", "a directory to write to") from None
     if used:

@@ -23,7 +23,9 @@ from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import COLLECT
 from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.topic_input import EstimateInput, ReferenceInput
+from tcs_friction.recording.bags import Bag, read_columns
 from tcs_friction.recording.encode import TopicData, encoded, joint_states
+from tcs_friction.recording.signals import SignalSource
 from tcs_friction.recording.write import EPOCH, write_bag
 
 Array = NDArray[np.float64]
@@ -54,6 +56,25 @@ class Run:
     def write(self, path: Path, namespace: str) -> None:
         """A bag of the run. Raises InputError when the path exists."""
         write_bag(path, [self._topic(name, namespace.rstrip("/")) for name in self.topics])
+
+    @classmethod
+    def read(cls, path: Path, joint: str, namespace: str) -> Run:
+        """A run that `write` has written. Raises InputError when it cannot be read."""
+        topics = {f"{namespace.rstrip('/')}/{name}": name for name in COLUMNS}
+        bag = Bag(path)
+        for _ in bag.batches(()):
+            pass  # its channels are known now
+        sources = {
+            name: [SignalSource(topic, field, joint if name == "joint_states" else None) for field in COLUMNS[name]]
+            for topic, name in topics.items()
+            if topic in {channel.topic for channel in bag.channels}
+        }
+        columns, _ = read_columns(bag, [source for some in sources.values() for source in some])
+        found: dict[str, list[Array]] = {}
+        for name, some in sources.items():
+            of_topic = columns[some[0].topic]
+            found[name] = [(of_topic.log_times - EPOCH) / SECOND, *(of_topic.values[source] for source in some)]
+        return cls(joint, found)
 
     def _topic(self, name: str, namespace: str) -> TopicData:
         t, *values = self.topics[name]
