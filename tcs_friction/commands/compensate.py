@@ -9,24 +9,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.simulate import surroundings
-from tcs_friction.config import AxisFile, default_control, load_axis, write_whole
-from tcs_friction.control.model_compensator import effect_names, signals_of
+from tcs_friction.config import default_control, load_axis, write_whole
+from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.control.reference import load_reference
 from tcs_friction.control.worth import Task, worth
 from tcs_friction.errors import InputError, writing_into
 from tcs_friction.report.compensation import sentence, text_table, to_mapping, write_report
+from tcs_friction.report.diagnosis_files import told_by
 from tcs_friction.writable import output_directory
 
 WRITTEN = ("compensation.json", "report.html", "compensation.png")
-DESCRIBED = "the diagnosis describes it only"
 NO_DEVIATIONS = "how sure the parameters are is not known (--diagnosis gives it)"
 
 
@@ -56,7 +53,10 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(str(arguments.axis), "no effects", "an axis file with effects, such as ./tcs diagnose writes")
     control = file.control or default_control(file.axis)
     temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings)
-    left_out, deviations = diagnosed(file, arguments.diagnosis) if arguments.diagnosis else ({}, {})
+    left_out, deviations = told_by(arguments.diagnosis, file.axis) if arguments.diagnosis else ({}, {})
+    if arguments.diagnosis and not deviations:
+        unknown = f"names no effect of {file.axis.name}"
+        raise InputError(str(arguments.diagnosis), unknown, "the diagnosis that wrote the axis file")
     notes += [] if deviations else [NO_DEVIATIONS]
     task = Task(
         reference,
@@ -79,44 +79,3 @@ def run(arguments: argparse.Namespace) -> None:
     for line in notes:
         print(f"tcs-friction: {line}", file=sys.stderr)
     print("\n".join([sentence(found, file.axis), text_table(found, file.axis), str(path)]))
-
-
-def diagnosed(file: AxisFile, path: Path) -> tuple[dict[str, str], dict[str, Mapping[str, float]]]:
-    """Effects of an axis that a diagnosis only describes, and standard deviations of those that it names, by name.
-
-    Raises InputError for a file that is no diagnosis, or one of another axis.
-    """
-    content = _loaded(path)
-    left_out: dict[str, str] = {}
-    deviations: dict[str, Mapping[str, float]] = {}
-    entries = [(entry, True) for entry in content["effects"]] + [(entry, False) for entry in content["described"]]
-    for name, item in effect_names(file.axis).items():
-        entry, named = next(((e, n) for e, n in entries if _is_about(e, item.term.id, item.values)), (None, False))
-        if entry is None:
-            left_out[name] = "the diagnosis does not know it"
-        elif not named:
-            left_out[name] = DESCRIBED
-        else:
-            deviations[name] = {key: float(value["std"]) for key, value in entry["parameters"].items()}
-    if not deviations:
-        raise InputError(str(path), f"names no effect of {file.axis.name}", "the diagnosis that wrote the axis file")
-    return left_out, deviations
-
-
-def _loaded(path: Path) -> Mapping[str, Any]:
-    try:
-        content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f"cannot be read ({type(error).__name__})", "the diagnosis.json of ./tcs diagnose") from None
-    known = isinstance(content, dict) and all(isinstance(content.get(key), list) for key in ("effects", "described"))
-    if not known:
-        raise InputError(str(path), "no diagnosis", "the diagnosis.json of ./tcs diagnose")
-    return dict(content)
-
-
-def _is_about(entry: Mapping[str, Any], effect: str, values: Mapping[str, float]) -> bool:
-    """Whether an effect of a diagnosis is one with these values."""
-    stated = {name: one["value"] for name, one in entry.get("parameters", {}).items()}
-    return entry.get("effect") == effect and all(
-        name in values and math.isclose(value, values[name], rel_tol=1e-6) for name, value in stated.items()
-    )

@@ -1,16 +1,17 @@
-"""The paper's loop on a running graph: measure, identify, compensate, measure the tracking error, keep the best parameters."""
+"""The paper's loop on a running graph: measure, identify, compensate, measure the tracking error, keep the best parameters.
+
+After it the axis is diagnosed and what is found is cancelled as well: `cancelling`.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from rclpy.action import ActionClient
 from tcs_friction_msgs.action import Commission as CommissionAction
-from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import LugreParameters
 from tcs_friction_msgs.srv import SetMode
 
@@ -20,12 +21,14 @@ from tcs_friction.control.plausible import Ranges
 from tcs_friction.control.tracking import ARCSEC, TrackingErrors
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
+from tcs_friction.nodes.cancelling import Base, Cancelled, Cancelling
 from tcs_friction.nodes.convert import friction_of, lugre_message
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import config_file, reference_file
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter, create_deferred_service
+from tcs_friction.nodes.journal import STATE, Journal
 from tcs_friction.nodes.modes import NAMES as MODE_NAMES
-from tcs_friction.nodes.modes import Modes, Setup
+from tcs_friction.nodes.modes import Setup, modelled
 from tcs_friction.nodes.outcome import (
     both_directions,
     check_reversals,
@@ -34,13 +37,13 @@ from tcs_friction.nodes.outcome import (
     keep_identification,
     tracking,
     verdict,
+    without_effects,
     write_outcome,
 )
 from tcs_friction.nodes.peers import ResultsConfig, new_results
-from tcs_friction.nodes.programme import Programme
 from tcs_friction.nodes.qos import LATCHED
-from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.runs import Run, RunCollector
+from tcs_friction.nodes.stages import Stages, Steps, Tools
 from tcs_friction.report.commission import CommissionResult
 
 MOST_ROUNDS = 100
@@ -52,8 +55,11 @@ class CommissionConfig(ResultsConfig, Ranges, ClockConfig):
 
     reference_file: str = text("azimuth_1p2m_run.yaml", "reference to be tracked better: a path or a name in the config folder")
     measure_file: str = text("azimuth_1p2m_measure.yaml", "reference on which friction is measured")
+    diagnose_file: str = text("", "reference to be diagnosed on, as far and fast as the axis may go; none: the runs made so far")
     settle: float = setting(2.0, "s", 0.0, 1e4, "beginning of the run that does not count")
     repetitions: int = setting(1, "", 1, 100, "rounds of identification and compensation when the goal names none")
+    diagnoses: int = setting(3, "", 0, 20, "rounds of diagnosis and cancellation; 0: the paper's loop alone")
+    trials: int = setting(2, "", 1, 20, "runs by which each way to compensate is judged")
     answer_limit: float = setting(5.0, "s", 0.1, 600.0, "a node that does not answer for so long is missing")
     stall_limit: float = setting(10.0, "s", 0.1, 600.0, "a run that does not advance for so long is given up")
     simulated: bool = switch(True, "the plant is a simulation: start it anew for every run, compare with its true friction")
@@ -75,17 +81,15 @@ class Commission(AxisNode[CommissionConfig]):
         self.runs: dict[str, Run] = {}
         """What was measured in the last commissioning, by name."""
         self.outcome: CommissionResult | None = None
-        self._remotes = Remotes(self, self._waiter)
-        self._modes = Modes(self._remotes)
-        self._programme = Programme(self, self._waiter, self._remotes, self._runs)
+        self._tools = Tools(self, self._waiter, self._runs)
         self._latched = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
-        self._identify = ActionClient(self, IdentifyAction, "identifier/identify")
         create_deferred_service(self, SetMode, "set_mode", self._on_set_mode)
         self._jobs = Jobs(self, self._waiter, "commission", self._commission, CommissionAction)
 
     def check(self, config: CommissionConfig, file: AxisFile) -> None:  # noqa: ARG002
-        for name in (config.reference_file, config.measure_file):
-            reference_file(name)
+        for name in (config.reference_file, config.measure_file, config.diagnose_file):
+            if name or name is config.reference_file:
+                reference_file(name)
 
     def configure(self, config: CommissionConfig) -> None:
         super().configure(config)
@@ -97,7 +101,7 @@ class Commission(AxisNode[CommissionConfig]):
         try:
             if self._jobs.busy:
                 raise JobError("set_mode", f"refused while {self._jobs.busy}", "its goal to be over or cancelled")
-            await self._modes.set(request.mode, self.config.answer_limit)
+            await self._tools.modes.set(request.mode, self.config.answer_limit)
             response.success = True
             self.get_logger().info(f"mode {MODE_NAMES[request.mode]}")
         except (InputError, JobError) as error:
@@ -108,94 +112,77 @@ class Commission(AxisNode[CommissionConfig]):
     # The loop
 
     async def _commission(self, goal: Any, answer: Any, progress: Progress) -> str:
-        """Everything that can be refused is refused before the axis moves; what was set before is set back after a failure."""
+        """Everything that can be refused is refused before the axis moves; after a failure the best that is verified is set."""
         config, rounds = self.config, goal.repetitions or self.config.repetitions
         if rounds > MOST_ROUNDS:
             raise InputError("goal", f"{rounds} repetitions", f"at most {MOST_ROUNDS}")
         check_reversals(config.reference_file, reference_file(config.reference_file), config.settle)
-        with new_results(config.results, goal.directory) as directory:
-            work = Work(goal.directory, directory, rounds, _Steps(progress, 1 + 3 * rounds, self._show), time.monotonic())
-            before = await self._modes.found(config.answer_limit)
+        with new_results(config.results, goal.directory, STATE) as directory:
+            diagnoses = config.diagnoses if directory is not None else 0
+            await self._tools.there("identifier", config.answer_limit)
+            if diagnoses:
+                await self._tools.there("diagnoser", config.answer_limit, ", or parameter diagnoses to be 0")
+            steps = Steps(progress, 1 + 3 * rounds + diagnoses * (2 + 3 * config.trials), self._show)
+            journal = Journal(directory, _settings(config, self.file, rounds))
+            stages = Stages(self._tools, config, goal.directory, directory, steps, journal)
+            self.runs, before = stages.runs, await stages.before()
+            work = Work(stages, rounds, time.monotonic(), before)
+            if journal.stages[1:]:
+                self.get_logger().info(f"goes on after {', '.join(journal.stages[1:])}")
             try:
-                return await self._loop(work, answer)
+                message = await self._loop(work, before, answer, diagnoses)
+                journal.finish()
+                return message
             except BaseException:
-                await self._set_back(before)
+                await self._set_back(work.setup, before)
                 raise
             finally:
                 self._show("")
 
-    async def _loop(self, work: Work, answer: Any) -> str:
-        self.runs.clear()
-        await self._run("before", SetMode.Request.PLAIN, work, "measuring the axis as it is")
+    async def _loop(self, work: Work, setup: Setup, answer: Any, diagnoses: int) -> str:
+        stages, config = work.stages, self.config
+        reference, measuring = config_file(config.reference_file), config_file(config.measure_file)
+        await self._tools.modes.restore(setup.plain(), config.answer_limit)
+        await stages.run("before", SetMode.Request.PLAIN, reference, "measuring the axis as it is")
         best: Round | None = None
         for number in range(work.rounds):
             suffix = f"_{number + 1}" if work.rounds > 1 else ""
-            measured = await self._run(f"measure{suffix}", SetMode.Request.MEASURE, work, "measuring friction")
-            parameters = await self._identified(work, f"identification{suffix}")
-            after = await self._run(f"after{suffix}", SetMode.Request.COMPENSATE, work, "compensating")
-            now = Round(measured, after, parameters, f"identification{suffix}")
-            if best is None or self._rms(now.after) < self._rms(best.after):
+            measure, identification, name = f"measure{suffix}", f"identification{suffix}", f"after{suffix}"
+            await stages.run(measure, SetMode.Request.MEASURE, measuring, "measuring friction", heard_for=identification)
+            parameters = await stages.identified(identification)
+            await self._tools.remotes.set("lugre_compensator", friction_of(parameters), config.answer_limit)
+            after = await stages.run(name, SetMode.Request.COMPENSATE, reference, "compensating")
+            now = Round(measure, name, parameters, identification)
+            if best is None or self._rms(after) < self._rms(self.runs[best.after]):
                 best = now
         assert best is not None
-        await self._remotes.set("lugre_compensator", friction_of(best.parameters), self.config.answer_limit)
+        await self._tools.remotes.set("lugre_compensator", friction_of(best.parameters), config.answer_limit)
         self._latched.publish(best.parameters)
-        return await self._conclude(answer, work, best)
+        gain = tracking(self.runs["before"]).improvement(tracking(self.runs[best.after]), config.settle)
+        lugre = Setup((False, False, True), friction_of(best.parameters), modelled(""))
+        base = Base("before", SetMode.Request.PLAIN, setup.plain())
+        if gain.proven and self._rms(self.runs[best.after]) < self._rms(self.runs["before"]):
+            work.setup, base = lugre, Base(best.after, SetMode.Request.COMPENSATE, lugre)
+        cancelled = Cancelled(work.setup, None)
+        if diagnoses:
+            cancelling = Cancelling(stages, self.file, best.parameters, base, work.setup)
+            try:
+                cancelled = await cancelling.rounds((best.measured, "before", best.after))
+            finally:
+                work.setup = cancelling.setup
+            await self._tools.modes.restore(work.setup, config.answer_limit)
+        return await self._conclude(answer, work, best, cancelled, work.setup is not setup)
 
-    async def _run(self, name: str, mode: int, work: Work, stage: str) -> Run:
-        """One run in a mode, after which the axis rests; its bag goes to the directory."""
-        config = self.config
-        path = config_file(config.measure_file if mode == SetMode.Request.MEASURE else config.reference_file)
-        self._show(stage)
-        await self._modes.set(mode, config.answer_limit)
+    async def _set_back(self, setup: Setup, before: Setup) -> None:
+        """After a failure or a cancellation: the best compensation that has been verified, else what there was before."""
+        words = "as they were before commissioning" if setup is before else "the best that was verified"
         try:
-            await self._programme.begin(path, config, lambda what: work.steps.tell(0.0, what))
-            result = await self._runs.finished(config.stall_limit, lambda share: work.steps.tell(share, stage))
-        finally:
-            await self._programme.rest(config)
-        await self._modes.check(mode, config.answer_limit)
-        work.steps.done()
-        self.runs[name] = result
-        if work.directory is not None:
-            target = work.directory / name
-            await self._waiter.in_thread(lambda: result.write(target, self.get_namespace()))
-        return result
-
-    async def _identified(self, work: Work, name: str) -> LugreParameters:
-        """The parameters that the identifier finds in what it has just heard; it publishes them itself."""
-        client, limit = self._identify, self.config.answer_limit
-        if not await self._waiter.until(client.server_is_ready, limit):
-            raise JobError("identifier", f"not there within {limit:g} s", "the node to run")
-        goal = IdentifyAction.Goal(directory=f"{work.name}/{name}" if work.directory else "")
-
-        def hear(message: Any) -> None:
-            work.steps.share(message.feedback.progress, "identifying")
-
-        sent = client.send_goal_async(goal, feedback_callback=hear)
-        if not await self._waiter.until(sent.done, limit) or not sent.result().accepted:
-            raise JobError("identifier", "did not take the request", "it to be idle")
-        handle = sent.result()
-        result = handle.get_result_async()
-        while not await self._waiter.until(result.done, 0.2):
-            if work.steps.cancelled:
-                handle.cancel_goal_async()
-                raise JobError("commission", "was cancelled")
-            if not client.server_is_ready():
-                raise JobError("identifier", "went away while identifying", "it to stay")
-        found = result.result().result
-        work.steps.done()
-        if not found.success:
-            raise JobError("identifier", found.message)
-        return found.parameters
-
-    async def _set_back(self, setup: Setup) -> None:
-        """After a failure, a cancellation or a run that is no better: switches and compensation as they were before."""
-        try:
-            await self._modes.restore(setup, self.config.answer_limit)
+            await self._tools.modes.restore(setup, self.config.answer_limit)
             now = self.get_clock().now().nanoseconds
-            self._latched.publish(lugre_message(setup.compensation(), now, "before commissioning"))
-            self.get_logger().info("switches and friction compensation are as they were before commissioning")
+            self._latched.publish(lugre_message(setup.compensation(), now, words))
+            self.get_logger().info(f"switches and friction compensation are {words}")
         except JobError as error:
-            self.get_logger().error(f"not as before commissioning: {error}")
+            self.get_logger().error(f"switches and friction compensation are not {words}: {error}")
 
     def _show(self, stage: str) -> None:
         """Say in the log and in diagnostics what is being done, "" for nothing."""
@@ -205,41 +192,47 @@ class Commission(AxisNode[CommissionConfig]):
 
     # The result
 
-    async def _conclude(self, answer: Any, work: Work, best: Round) -> str:
+    async def _conclude(self, answer: Any, work: Work, best: Round, cancelled: Cancelled, better: bool) -> str:
         """Fill the answer, write the files, and say in one sentence what came of it. Raises JobError when nothing is gained."""
         simulated, file, settle = self.config.simulated, self.file, self.config.settle
-        reference = reference_file(self.config.reference_file)
-        before, after = tracking(self.runs["before"]), tracking(best.after)
-        gain = before.improvement(after, settle)
-        first, last = before.errors(settle), after.errors(settle)
-        proven = gain.proven and last.rms < first.rms
+        reference, directory = reference_file(self.config.reference_file), work.stages.directory
+        before, after = tracking(self.runs["before"]), tracking(self.runs[best.after])
+        found = None if cancelled.run is None else tracking(cancelled.run)
         off = await self._waiter.in_thread(lambda: frictionless(file, reference)) if simulated else None
+        ideal = await self._waiter.in_thread(lambda: without_effects(file, reference)) if simulated else None
+        unchanged = () if better else ("No improvement beyond its uncertainty: the axis was left as it was before.",)
         result = CommissionResult(
             axis=file.axis.name,
             before=before,
             after=after,
-            measurement=friction(best.measured, control_of(file).observer.filter_delay),
+            measurement=friction(self.runs[best.measured], control_of(file).observer.filter_delay),
             identified=both_directions(best.parameters),
-            costs=keep_identification(work.directory, best.identification),
+            costs=keep_identification(directory, best.identification),
             friction_off=off,
             true=dict(file.axis.friction.values) if simulated else None,
             settle=settle,
             seconds=time.monotonic() - work.began,
-            notes=() if proven else ("No improvement beyond its uncertainty: the axis was left as it was before.",),
+            notes=(*unchanged, *cancelled.notes),
+            found=found,
+            ideal=ideal,
+            judged=cancelled.judged,
+            statements=cancelled.statements,
         )
+        first, last = before.errors(settle), (found or after).errors(settle)
         answer.parameters = best.parameters
         answer.peak_before, answer.peak_after = _peak(first) * ARCSEC, _peak(last) * ARCSEC
         answer.rms_before, answer.rms_after = first.rms * ARCSEC, last.rms * ARCSEC
+        answer.cancelled = [one.name for one in cancelled.judged if one.kept]
         error = result.dob_relative_error
         answer.dob_relative_error = float("nan") if error is None else error
         self.outcome = result
-        directory = work.directory
         if directory is not None:
             await self._waiter.in_thread(lambda: write_outcome(directory, result))
-        words = verdict(first, last, gain)
-        if not proven:
+        words = verdict(first, last, before.improvement(found or after, settle))
+        if not better:
+            work.stages.journal.finish()
             raise JobError("commission", words, "less error than by chance; switches and compensation are as they were before")
-        return words
+        return f"{words}; cancelled: {', '.join(['friction', *answer.cancelled])}"
 
     def _rms(self, run: Run) -> float:
         return tracking(run).errors(self.config.settle).rms
@@ -247,49 +240,33 @@ class Commission(AxisNode[CommissionConfig]):
 
 @dataclass(frozen=True)
 class Round:
-    """One measurement, what was identified from it, and the run that shows what that is worth."""
+    """Stages of one round: the measurement, the run that shows what it is worth, what was identified, its directory."""
 
-    measured: Run
-    after: Run
+    measured: str
+    after: str
     parameters: LugreParameters
-    identification: str  # name of its directory
+    identification: str
 
 
-@dataclass(frozen=True)
+@dataclass
 class Work:
-    """One goal: the name of its results, their directory (None for nowhere), rounds, progress, and when it began (s)."""
+    """One goal: its stages, rounds of the paper's loop, when it began (s), and how the axis is left if it fails."""
 
-    name: str
-    directory: Path | None
+    stages: Stages
     rounds: int
-    steps: _Steps
     began: float
+    setup: Setup
 
 
-class _Steps:
-    """Progress over the steps of the loop."""
-
-    def __init__(self, progress: Progress, count: int, show: Callable[[str], None]) -> None:
-        self._progress, self._count, self._done = progress, count, 0
-        self._show = show
-
-    @property
-    def cancelled(self) -> bool:
-        return self._progress.cancelled.is_set()
-
-    def tell(self, share: float, stage: str) -> None:
-        """Raises JobError when the goal has been cancelled."""
-        if self.cancelled:
-            raise JobError("commission", "was cancelled")
-        self.share(share, stage)
-
-    def share(self, share: float, stage: str) -> None:
-        """How much of the present step is done."""
-        self._show(stage)
-        self._progress.tell(progress=float((self._done + share) / self._count), stage=stage)
-
-    def done(self) -> None:
-        self._done += 1
+def _settings(config: CommissionConfig, file: AxisFile, rounds: int) -> dict[str, Any]:
+    """What must not differ when a commissioning is gone on with: references, by their content, and what decides."""
+    content = {"axis": file.axis.name, "rounds": rounds}
+    for name in ("settle", "diagnoses", "trials", "simulated", "clock", "period"):
+        content[name] = getattr(config, name)
+    for name in ("reference_file", "measure_file", "diagnose_file"):
+        path = getattr(config, name)
+        content[name] = hashlib.sha256(config_file(path).read_bytes()).hexdigest() if path else ""
+    return content
 
 
 def _peak(errors: TrackingErrors) -> float:

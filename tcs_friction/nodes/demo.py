@@ -22,8 +22,10 @@ from tcs_friction.nodes.executor import close, make_executor, spin
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.report.commission import CommissionResult
 
-NODES = (*graph.LOOP, "identifier")
+NODES = (*graph.LOOP, "identifier", "diagnoser")
 """Besides commission itself."""
+SETTINGS = {"diagnose_file": "azimuth_1p2m_diagnose.yaml", "diagnoses": 1, "trials": 1, "run_until": 0.0}
+"""One round of diagnosis and one run for each way to compensate, so that it is over in two minutes."""
 
 
 def own_domain() -> int:
@@ -50,9 +52,9 @@ def commission(
     keep_logs()
     tell(0.0, "starting the graph (a minute the first time: kernels are compiled)")
     directory = directory.resolve()
-    results = ["-p", f"results:={directory.parent}"]
-    quiet = ["--log-level", "warn"]
-    arguments = graph.arguments_for(axis, reference, [*results, "-p", "run_until:=0.0", "-p", f"seed:={seed}", *quiet])
+    settings = SETTINGS | {"results": directory.parent, "seed": seed}
+    words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
+    arguments = graph.arguments_for(axis, reference, [*words, "--log-level", "warn"])
     children = graph.start_processes(arguments, NODES) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from tcs_friction_msgs.srv import SetMode
@@ -20,6 +20,8 @@ MODES = {
     SetMode.Request.COMPENSATE: (False, False, True),
 }
 NAMES = {SetMode.Request.PLAIN: "PLAIN", SetMode.Request.MEASURE: "MEASURE", SetMode.Request.COMPENSATE: "COMPENSATE"}
+MODELLED = ("controller", "dob", "lugre_compensator")
+"""The nodes that are given an axis model whose effects are cancelled."""
 FRICTION = tuple(f"{side}.{entry.name}" for side in ("positive", "negative") for entry in fields(LugreParameters))
 
 Wanted = list[tuple[str, Mapping[str, Any]]]
@@ -27,10 +29,18 @@ Wanted = list[tuple[str, Mapping[str, Any]]]
 
 @dataclass(frozen=True)
 class Setup:
-    """How the nodes were set: the switches by node, and the compensator's friction parameters by name."""
+    """How the nodes are set: the switches, the compensator's friction parameters by name, the model and what is left out of it.
+
+    models: of each of MODELLED its parameters `model` and `left_out`.
+    """
 
     switches: tuple[bool, ...]
     friction: Mapping[str, float]
+    models: Mapping[str, Mapping[str, Any]]
+
+    def plain(self) -> Setup:
+        """The same with every switch off and without a model."""
+        return replace(self, switches=(False, False, False), models=modelled(""))
 
     def compensation(self) -> CompensatorConfig:
         """The friction parameters as the compensator's configuration."""
@@ -59,17 +69,24 @@ class Modes:
     async def found(self, limit: float) -> Setup:
         """How everything is set now."""
         friction = await self._remotes.get("lugre_compensator", FRICTION, limit)
-        return Setup(await self._switches(limit), friction)
+        models = {node: await self._remotes.get(node, ("model", "left_out"), limit) for node in MODELLED}
+        return Setup(await self._switches(limit), friction, models)
 
     async def restore(self, setup: Setup, limit: float) -> None:
-        """Set everything back: compensation off first, and on only with the friction parameters that go with it."""
+        """Set everything back: compensation off first, and on only with the model and the friction parameters that go with it."""
         off = (*setup.switches[:2], False)
         await self._remotes.set_all_or_none(_wanted(off), limit)
         await self._remotes.set("lugre_compensator", setup.friction, limit)
+        await self._remotes.set_all_or_none(list(setup.models.items()), limit)
         await self._remotes.set_all_or_none(_wanted(setup.switches), limit)
 
     async def _switches(self, limit: float) -> tuple[bool, ...]:
         return tuple([bool((await self._remotes.get(node, [name], limit))[name]) for node, name in SWITCHES])
+
+
+def modelled(model: str, left_out: Sequence[str] = ()) -> dict[str, Mapping[str, Any]]:
+    """The parameters of every node of MODELLED that cancel an axis file's effects but those left out."""
+    return {node: {"model": model, "left_out": list(left_out)} for node in MODELLED}
 
 
 def _wanted(values: tuple[bool, ...]) -> Wanted:

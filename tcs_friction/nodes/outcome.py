@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +49,11 @@ def frictionless(file: AxisFile, reference: Reference) -> TrackingRun:
     """The same run offline with friction switched off: what no compensation can beat."""
     control = control_of(file)
     return TrackingRun.of(simulate_loop(without_friction(file.axis), reference, control.controller, control.loop))
+
+
+def without_effects(file: AxisFile, reference: Reference) -> TrackingRun:
+    """The same run offline of an axis that has neither friction nor effects: the ideal."""
+    return frictionless(file.with_axis(replace(file.axis, effects=())), reference)
 
 
 def write_outcome(directory: Path, result: CommissionResult) -> None:

@@ -30,9 +30,12 @@ class Programme:
     def __init__(self, node: Any, waiter: Waiter, remotes: Remotes, runs: RunCollector) -> None:
         self._node: Node = node
         self._waiter, self._remotes, self._runs = waiter, remotes, runs
+        self._seed: int | None = None  # the plant's own, while it has another
 
-    async def begin(self, path: Path, config: Any, wait: Callable[[str], None]) -> None:
+    async def begin(self, path: Path, config: Any, wait: Callable[[str], None], noise: int = 0) -> None:
         """Begin a run of a reference file, and to collect it. `wait` hears what is waited for, and may raise to give up.
+
+        noise: number of the noise that a plant simulated in lock-step has in this run; 0 is that of its own seed.
 
         Raises JobError when a node does not do its part.
         """
@@ -49,6 +52,9 @@ class Programme:
             return
         if config.simulated:  # the axis begins anew, and is answered, under the new reference
             start = {"start_position": reference.at(0.0)[0], "run_until": 0.0, "truth": True}
+            if noise:
+                self._seed = (await self._remotes.get("plant", ["seed"], limit))["seed"]
+                start["seed"] = self._seed + noise
             await self._remotes.set("plant", start, limit)
         self._runs.begin(joint, reference.duration, heard)
         if config.simulated:
@@ -75,6 +81,9 @@ class Programme:
             if config.clock != LOCK_STEP:
                 await self._remotes.trigger("reference/stop", config.answer_limit)
             elif config.simulated and self._runs.reached >= 0:
-                await self._remotes.set("plant", {"run_until": self._runs.reached / SECOND}, config.answer_limit)
+                stop: dict[str, Any] = {"run_until": self._runs.reached / SECOND}
+                if self._seed is not None:  # another seed starts the plant anew
+                    stop, self._seed = {"run_until": 0.0, "seed": self._seed}, None
+                await self._remotes.set("plant", stop, config.answer_limit)
         except JobError as error:
             self._node.get_logger().error(f"the axis may still move: {error}")

@@ -33,7 +33,7 @@ class Remotes:
     async def set(self, node: str, values: Mapping[str, Any], limit: float) -> None:
         """Set parameters of a node, all or none. Raises RefusalError with the node's reason, JobError when it does not answer."""
         client = self._client(SetParametersAtomically, f"{node}/set_parameters_atomically")
-        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        parameters = [Parameter(name, value=_typed(value)).to_parameter_msg() for name, value in values.items()]
         answer = await self._waiter.call(client, SetParametersAtomically.Request(parameters=parameters), limit)
         if not answer.result.successful:
             raise RefusalError(f"node {node}", f"refused {', '.join(values)}: {answer.result.reason}")
@@ -42,7 +42,7 @@ class Remotes:
         """Values of parameters of a node."""
         client = self._client(GetParameters, f"{node}/get_parameters")
         answer = await self._waiter.call(client, GetParameters.Request(names=list(names)), limit)
-        return {name: parameter_value_to_python(value) for name, value in zip(names, answer.values, strict=True)}
+        return {name: _plain(parameter_value_to_python(value)) for name, value in zip(names, answer.values, strict=True)}
 
     async def set_all_or_none(self, wanted: Sequence[tuple[str, Mapping[str, Any]]], limit: float) -> None:
         """Set parameters of several nodes. Raises JobError, with what was set already set back, when one fails."""
@@ -73,3 +73,13 @@ class Remotes:
         answer = await self._waiter.call(self._client(Trigger, name), Trigger.Request(), limit)
         if not answer.success:
             raise JobError(f"service {name}", answer.message)
+
+
+def _typed(value: Any) -> Any:
+    """An empty list is [""], for ROS gives an empty one no type."""
+    return value if value != [] else [""]
+
+
+def _plain(value: Any) -> Any:
+    """Lists of words without empty ones, as `_typed` has been given them."""
+    return [item for item in value if item != ""] if isinstance(value, list) else value

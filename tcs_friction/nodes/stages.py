@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,16 +12,19 @@ from rclpy.serialization import deserialize_message, serialize_message
 from tcs_friction_msgs.action import Diagnose as DiagnoseAction
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import LugreParameters
-from tcs_friction_msgs.srv import SetMode
 
-from tcs_friction.errors import InputError, JobError
-from tcs_friction.nodes.base import LOCK_STEP, AxisNode
+from tcs_friction.errors import JobError
+from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.jobs import Progress, Waiter
 from tcs_friction.nodes.journal import Journal
 from tcs_friction.nodes.modes import Modes, Setup
 from tcs_friction.nodes.programme import Programme
 from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.runs import Run, RunCollector
+
+
+class DiagnosisError(JobError):
+    """The recordings cannot be diagnosed."""
 
 
 class Tools:
@@ -32,47 +35,38 @@ class Tools:
         self.remotes = Remotes(node, waiter)
         self.modes = Modes(self.remotes)
         self.programme = Programme(node, waiter, self.remotes, runs)
-        self._identify = ActionClient(node, IdentifyAction, "identifier/identify")
-        self._diagnose = ActionClient(node, DiagnoseAction, "diagnoser/diagnose")
+        self._clients = {
+            "identifier": ActionClient(node, IdentifyAction, "identifier/identify"),
+            "diagnoser": ActionClient(node, DiagnoseAction, "diagnoser/diagnose"),
+        }
 
-    async def there(self, limit: float, diagnoser: bool) -> None:
-        """Raises JobError when a node that is going to be asked is not there."""
-        for client in (self._identify, self._diagnose) if diagnoser else (self._identify,):
-            name = client._action_name.split("/")[0]
-            if not await self.waiter.until(client.server_is_ready, limit):
-                hint = ", or parameter diagnoses to be 0" if client is self._diagnose else ""
-                raise JobError(name, f"not there within {limit:g} s", f"the node to run{hint}")
+    async def there(self, name: str, limit: float, otherwise: str = "") -> None:
+        """Raises JobError when a node that is going to be asked is not there. otherwise: what would make it unnecessary."""
+        if not await self.waiter.until(self._clients[name].server_is_ready, limit):
+            raise JobError(name, f"not there within {limit:g} s", f"the node to run{otherwise}")
 
-    async def identify(self, goal: Any, share: Callable[[float], None], cancelled: Callable[[], bool], limit: float) -> Any:
-        """The identifier's result."""
-        return await self._asked(self._identify, "identifier", goal, share, cancelled, limit)
-
-    async def diagnose(self, goal: Any, share: Callable[[float], None], cancelled: Callable[[], bool], limit: float) -> Any:
-        """The diagnoser's result."""
-        return await self._asked(self._diagnose, "diagnoser", goal, share, cancelled, limit)
-
-    async def _asked(
-        self, client: Any, name: str, goal: Any, share: Callable[[float], None], cancelled: Callable[[], bool], limit: float
-    ) -> Any:
-        """Send a goal and wait for its result. Raises JobError when the node does not take it, goes away, or is not to go on."""
-        if not await self.waiter.until(client.server_is_ready, limit):
-            raise JobError(name, f"not there within {limit:g} s", "the node to run")
-        sent = client.send_goal_async(goal, feedback_callback=lambda message: share(message.feedback.progress))
+    async def ask(self, name: str, goal: Any, steps: Steps, words: str, limit: float) -> Any:
+        """A node's result of a goal. Raises JobError when it does not take it, goes away or is not to go on."""
+        await self.there(name, limit)
+        client = self._clients[name]
+        sent = client.send_goal_async(
+            goal, feedback_callback=lambda message: steps.share(message.feedback.progress, words)
+        )
         if not await self.waiter.until(sent.done, limit) or not sent.result().accepted:
             raise JobError(name, "did not take the request", "it to be idle")
         handle = sent.result()
         result = handle.get_result_async()
         while not await self.waiter.until(result.done, 0.2):
-            if cancelled():
+            if steps.cancelled:
                 handle.cancel_goal_async()
                 raise JobError("commission", "was cancelled")
             if not client.server_is_ready():
-                raise JobError(name, "went away at its work", "it to stay")
+                raise JobError(name, f"went away while {words}", "it to stay")
         return result.result().result
 
 
 class Steps:
-    """Progress over the stages; their number is an estimate, since it depends on what is found."""
+    """Progress over the stages. Their number is an estimate, since it depends on what is found."""
 
     def __init__(self, progress: Progress, count: int, show: Callable[[str], None]) -> None:
         self._progress, self._count, self._done = progress, count, 0
@@ -113,25 +107,22 @@ class Stages:
         """How the nodes were set before the goal, also where it is gone on with after a restart."""
         known = self.journal.get("setup")
         if known is not None:
-            return Setup.of(known)
+            return Setup(tuple(known["switches"]), known["friction"], known["models"])
         setup = await self.tools.modes.found(self.config.answer_limit)
         self.journal.note("setup", asdict(setup))
         return setup
 
-    async def run(self, name: str, mode: int, path: Path, words: str, noise: int = 0) -> Run:
+    async def run(self, name: str, mode: int, path: Path, words: str, noise: int = 0, heard_for: str = "") -> Run:
         """One run of a reference file in a mode, after which the axis rests; its bag goes to the directory.
 
-        noise: a simulated plant's noise differs between runs with another number.
+        A run that has been made is not made again. noise: a simulated plant's noise differs between runs with another number.
+        heard_for: the stage that another node makes of what it hears of this run; without that stage the run is made again.
         """
-        config, tools = self.config, self.tools
         self.steps.tell(0.0, words)
-        if self.journal.get(name) is not None and self.directory is not None:
-            bag = self.directory / name
-            self.runs[name] = await tools.waiter.in_thread(
-                lambda: Run.read(bag, tools.node.file.axis.name, tools.node.get_namespace())
-            )
+        if name in self.runs or await self._read_back(name, heard_for):
             self.steps.done()
             return self.runs[name]
+        config, tools = self.config, self.tools
         await tools.modes.set(mode, config.answer_limit)
         try:
             await tools.programme.begin(path, config, lambda what: self.steps.tell(0.0, what), noise)
@@ -148,6 +139,14 @@ class Stages:
             self.journal.note(name, True)
         return result
 
+    async def _read_back(self, name: str, heard_for: str) -> bool:
+        if self.directory is None or not self.journal.get(name) or (heard_for and self.journal.get(heard_for) is None):
+            return False
+        bag, node = self.directory / name, self.tools.node
+        read = lambda: Run.read(bag, node.file.axis.name, node.get_namespace())  # noqa: E731
+        self.runs[name] = await self.tools.waiter.in_thread(read)
+        return True
+
     async def identified(self, name: str) -> LugreParameters:
         """The parameters that the identifier finds in what it has just heard; it publishes them itself."""
         known = self.journal.get(name)
@@ -156,37 +155,26 @@ class Stages:
             return deserialize_message(bytes.fromhex(known), LugreParameters)
         self.journal.clear(name)
         goal = IdentifyAction.Goal(directory=f"{self.name}/{name}" if self.directory else "")
-        found = await self.tools.identify(
-            goal, lambda share: self.steps.share(share, "identifying"), lambda: self.steps.cancelled, self.config.answer_limit
-        )
+        found = await self.tools.ask("identifier", goal, self.steps, "identifying", self.config.answer_limit)
         self.steps.done()
         if not found.success:
             raise JobError("identifier", found.message)
         self.journal.note(name, serialize_message(found.parameters).hex())
         return found.parameters
 
-    async def diagnosed(self, name: str, axis: Path, bags: Sequence[Path]) -> str:
-        """The verdict of a diagnosis of bags; its files go to the directory `name`. Raises JobError when there is none."""
+    async def diagnosed(self, name: str, axis: Path, bags: Sequence[Path]) -> tuple[str, str]:
+        """Verdict and statement of a diagnosis of bags, whose files go to the directory `name`.
+
+        Raises DiagnosisError where these bags cannot be diagnosed.
+        """
         known = self.journal.get(name)
-        if known is not None:
-            self.steps.done()
-            return str(known)
-        self.journal.clear(name)
-        goal = DiagnoseAction.Goal(bags=[str(bag) for bag in bags], axis=str(axis), directory=f"{self.name}/{name}")
-        found = await self.tools.diagnose(
-            goal, lambda share: self.steps.share(share, "diagnosing"), lambda: self.steps.cancelled, self.config.answer_limit
-        )
+        if known is None:
+            self.journal.clear(name)
+            goal = DiagnoseAction.Goal(bags=[str(bag) for bag in bags], axis=str(axis), directory=f"{self.name}/{name}")
+            found = await self.tools.ask("diagnoser", goal, self.steps, "diagnosing", self.config.answer_limit)
+            if not found.success:
+                raise DiagnosisError("diagnosis", found.message)
+            known = [found.verdict, found.statement]
+            self.journal.note(name, known)
         self.steps.done()
-        if not found.success:
-            raise JobError("diagnoser", found.message)
-        self.journal.note(name, found.verdict)
-        return str(found.verdict)
-
-    def identifiable(self) -> bool:
-        """Whether what the identifier heard of the last measuring run is still in its memory: not where the run was read back."""
-        return True
-
-
-def settings(config: Any, names: Sequence[str], files: Mapping[str, str]) -> dict[str, Any]:
-    """What must not differ when a commissioning is gone on with: values of a configuration, and the content of files."""
-    return {name: getattr(config, name) for name in names} | dict(files)
+        return str(known[0]), str(known[1])

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from tcs_friction.control.compensator import LugreParameters
-from tcs_friction.control.tracking import TrackingErrors
+from tcs_friction.control.guard import Gain
+from tcs_friction.control.tracking import ARCSEC, TrackingErrors
 from tcs_friction.physics.registry import law
 from tcs_friction.report import published
 from tcs_friction.report.figures import Array
@@ -44,6 +45,20 @@ from tcs_friction.report.runs import (
 
 
 @dataclass(frozen=True)
+class Judged:
+    """An effect that a diagnosis has found: whether it is cancelled, why not, and what that was measured to be worth.
+
+    name: as the model has it; words: in words. gain: None where it was not tried.
+    """
+
+    name: str
+    words: str
+    kept: bool
+    why: str
+    gain: Gain | None
+
+
+@dataclass(frozen=True)
 class CommissionResult:
     """What commissioning measured.
 
@@ -54,6 +69,8 @@ class CommissionResult:
     costs: (generations,) best cost of each generation.
     settle: seconds at the start of the tracking runs that do not count.
     seconds: wall time of the whole job. notes: anything a reader should know, one line each.
+    found: the same run while what was diagnosed is cancelled, too; None where nothing is. ideal: without friction and effects.
+    judged: every effect that was found. statements: of the diagnoses.
     """
 
     axis: str
@@ -67,6 +84,10 @@ class CommissionResult:
     settle: float = 5.0
     seconds: float = 0.0
     notes: tuple[str, ...] = ()
+    found: TrackingRun | None = None
+    ideal: TrackingRun | None = None
+    judged: tuple[Judged, ...] = ()
+    statements: tuple[str, ...] = ()
 
     @property
     def dob_relative_error(self) -> float | None:
@@ -79,7 +100,13 @@ class CommissionResult:
 
     def to_mapping(self) -> dict[str, Any]:
         """commission.json: tracking errors in arcsec, friction in SI units."""
-        errors = {"before": self.before, "after": self.after, "friction_off": self.friction_off}
+        errors = {
+            "before": self.before,
+            "after": self.after,
+            "found": self.found,
+            "friction_off": self.friction_off,
+            "ideal": self.ideal,
+        }
         content: dict[str, Any] = {
             name: None if run is None else _error_mapping(run.errors(self.settle))
             for name, run in errors.items()
@@ -87,6 +114,8 @@ class CommissionResult:
         content["dob_relative_error"] = self.dob_relative_error
         content["identified"] = dict(self.identified)
         content["true"] = None if self.true is None else dict(self.true)
+        content["effects"] = [_judged_mapping(one) for one in self.judged]
+        content["statements"] = list(self.statements)
         return content
 
 
@@ -94,6 +123,20 @@ def _error_mapping(errors: TrackingErrors) -> dict[str, float | None]:
     """None for the peaks of a direction to which a run that lost messages never reversed."""
     values = {"peak_positive": errors.peak_positive, "peak_negative": errors.peak_negative, "rms": errors.rms}
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
+def _judged_mapping(one: Judged) -> dict[str, Any]:
+    """rms in arcsec without and with the effect's cancellation; ratio: of the two in equal windows, with its 90 % interval."""
+    content: dict[str, Any] = {"name": one.name, "cancelled": one.kept, "why_not": one.why or None, "gain": None}
+    if one.gain is not None:
+        found = one.gain.improvement
+        content["gain"] = {
+            "rms_without": one.gain.without / ARCSEC,
+            "rms_with": one.gain.cancelled / ARCSEC,
+            "ratio": found.ratio,
+            "between": [found.lowest, found.highest],
+        }
+    return content
 
 
 def cut(before: float, after: float) -> float:

@@ -1,0 +1,247 @@
+"""Commissioning after the paper's loop: diagnose the axis, cancel what is named, keep what measured tracking is better for.
+
+Every round diagnoses the axis as it is believed so far, in a motion made for it, and tries the effects that are named and that
+would matter on the run to be tracked. Rounds end when a diagnosis names nothing new, or when nothing helps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from tcs_friction_msgs.msg import LugreParameters
+from tcs_friction_msgs.srv import SetMode
+
+from tcs_friction.config import AxisFile, load_axis, save_axis
+from tcs_friction.control.guard import Chosen, Gain, choose, windowed
+from tcs_friction.control.model_compensator import effect_names, obstacles
+from tcs_friction.control.reference import Reference, load_reference
+from tcs_friction.control.worth import ALL, LAW, Task, worth
+from tcs_friction.errors import JobError, TcsError
+from tcs_friction.nodes.base import control_of
+from tcs_friction.nodes.files import config_file
+from tcs_friction.nodes.modes import Setup, modelled
+from tcs_friction.nodes.outcome import both_directions, tracking
+from tcs_friction.nodes.runs import Run
+from tcs_friction.nodes.stages import DiagnosisError, Stages
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import law
+from tcs_friction.physics.terms import instance
+from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.report.commission import Judged
+from tcs_friction.report.diagnosis_files import EXPERIMENT, told_by
+
+Array = NDArray[np.float64]
+
+MATTERS = 0.01
+"""Share of the predicted rms error below which an effect is not tried: no run of a minute shows so little."""
+COMPENSATE = SetMode.Request.COMPENSATE
+
+
+@dataclass(frozen=True)
+class Base:
+    """What new compensation has to be better than: the stage in which it was measured, its mode, and how the axis was set."""
+
+    stage: str
+    mode: int
+    setup: Setup
+
+
+@dataclass(frozen=True)
+class Cancelled:
+    """What is cancelled in the end. setup: how the axis is left. run: its tracking, None where nothing came of it."""
+
+    setup: Setup
+    run: Run | None
+    judged: tuple[Judged, ...] = ()
+    statements: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class Cancelling:
+    """The rounds of one goal. `setup` is how the axis is left when they are given up: the best that has been verified."""
+
+    def __init__(self, stages: Stages, file: AxisFile, parameters: LugreParameters, base: Base, setup: Setup) -> None:
+        self._stages, self._config = stages, stages.config
+        assert stages.directory is not None
+        self._directory: Path = stages.directory
+        self._file = file
+        self._path = config_file(self._config.reference_file)
+        self._reference: Reference = load_reference(self._path)
+        self._base, self.setup = base, setup
+        self._believed = believed(file, parameters, self._config.simulated, stages.tools.node.get_namespace())
+        self._judged: dict[str, Judged] = {}
+        self._notes: list[str] = []
+        self._statements: list[str] = []
+        self._diagnosed: list[str] = []  # stages of the runs made for diagnoses
+
+    async def rounds(self, paper: tuple[str, ...]) -> Cancelled:
+        """All of them. paper: stages of the paper's loop, which are diagnosed where no motion is made for it."""
+        run: Run | None = None
+        for number in range(1, self._config.diagnoses + 1):
+            try:
+                model = await self._diagnosis(number, paper)
+            except DiagnosisError as error:
+                self._notes.append(f"Not diagnosed: {error.found}.")
+                break
+            if model is None:
+                break
+            found = await self._tried(number, model)
+            if found is None:
+                break
+            run = found
+        if run is not None:
+            await self._settle_model()
+        return Cancelled(self.setup, run, tuple(self._judged.values()), tuple(self._statements), tuple(self._notes))
+
+    # Diagnosis
+
+    async def _diagnosis(self, number: int, paper: tuple[str, ...]) -> Path | None:
+        """The axis file that a diagnosis of the axis as it is believed ends with; None where it names nothing new."""
+        motion = self._motion(number)
+        if motion is not None:
+            self._diagnosed.append(f"diagnose_{number}")
+            await self._stages.run(self._diagnosed[-1], self._base.mode, motion, "moving the axis for a diagnosis")
+        bags = [*self._diagnosed, paper[0]] if self._diagnosed else list(dict.fromkeys([*paper, self._base.stage]))
+        axis, name = self._directory / f"believed_{number}.yaml", f"diagnosis_{number}"
+        save_axis(axis, self._believed, "What was believed of the axis before its diagnosis")
+        verdict, statement = await self._stages.diagnosed(name, axis, [self._directory / bag for bag in bags])
+        self._statements.append(statement)
+        return self._directory / name / "axis.yaml" if verdict in ("missing_physics", "unexplained") else None
+
+    def _motion(self, number: int) -> Path | None:
+        """What the last diagnosis has asked for, if the controller may move so fast; else the motion given, if any."""
+        asked = self._directory / f"diagnosis_{number - 1}" / EXPERIMENT
+        if asked.is_file():
+            reference = load_reference(asked)
+            speeds = np.abs(reference.over(np.linspace(0.0, reference.duration, 10_000))[:, 1])
+            if float(speeds.max()) <= control_of(self._file).controller.velocity_limit:
+                return asked
+        return config_file(self._config.diagnose_file) if self._config.diagnose_file else None
+
+    # Trials
+
+    async def _tried(self, number: int, path: Path) -> Run | None:
+        """The run with the best set of a model's effects; None where no set is better than what was there."""
+        model = load_axis(path).axis
+        names = self._worth_a_trial(number, path, model)
+        if not names:
+            return None
+        stages: dict[tuple[str, ...], str] = {}
+        before = await self._errors(self._base.stage, self._base.mode, self._base.setup)
+        assert before is not None
+        trials = choose(names, before)
+        wanted = next(trials)
+        while True:
+            stages[wanted] = f"trial_{number}_{len(stages) + 1}"
+            left_out = tuple(name for name in effect_names(model) if name not in wanted)
+            setup = replace(self._base.setup, switches=(False, False, True), models=modelled(str(path), left_out))
+            try:
+                wanted = trials.send(await self._errors(stages[wanted], COMPENSATE, setup, words_of(wanted)))
+            except StopIteration as end:
+                chosen: Chosen = end.value
+                break
+        self._judge(names, chosen)
+        if chosen.effects is None:
+            return None
+        left_out = tuple(name for name in effect_names(model) if name not in chosen.effects)
+        setup = replace(self._base.setup, switches=(False, False, True), models=modelled(str(path), left_out))
+        self._base, self.setup = Base(stages[chosen.effects], COMPENSATE, setup), setup
+        known = [item for name, item in effect_names(model).items() if name in names]
+        self._believed = self._believed.with_axis(replace(model, effects=tuple(known)))
+        return self._stages.runs[stages[chosen.effects]]
+
+    async def _errors(self, stage: str, mode: int, setup: Setup, words: str = "measuring again what it was") -> Array | None:
+        """Rms errors (w,) in the windows of every run of a stage, whose first may have been made before; None: refused."""
+        tools, limit = self._stages.tools, self._config.answer_limit
+        parts = []
+        for trial in range(self._config.trials):
+            try:
+                await tools.modes.restore(replace(setup, switches=(False, False, False)), limit)
+            except JobError as error:
+                if mode != COMPENSATE:
+                    raise
+                self._notes.append(f"Not tried: {words}, since {error}.")
+                return None
+            name = stage if trial == 0 else f"{stage}_{trial + 1}"
+            run = tracking(await self._stages.run(name, mode, self._path, words, noise=trial))
+            parts.append(windowed(run.t, run.error, self._config.settle))
+        return np.concatenate(parts)
+
+    def _worth_a_trial(self, number: int, path: Path, model: Axis) -> list[str]:
+        """Effects that are named, can be cancelled in the graph and matter on this run, by the model's own prediction."""
+        left_out, _ = told_by(path.parent / "diagnosis.json", model)
+        old = {item.identity for item in self._believed.axis.effects}
+        for name, item in effect_names(model).items():
+            if item.identity in old:
+                left_out.pop(name, None)
+        why = left_out | obstacles(model)
+        why |= {name: "no topic gives its signal" for name, item in effect_names(model).items() if item.signals}
+        control = control_of(self._file)
+        loop = replace(control.loop, compensation="model")
+        task = Task(self._reference, control.controller, loop, control.observer, settle=self._config.settle)
+        try:
+            predicted = worth(model, task, why, draws=0)
+        except TcsError as error:
+            self._notes.append(f"Nothing of diagnosis {number} was tried: {error}.")
+            return []
+        law_alone = predicted.stage(LAW).rms
+        names = []
+        for name, item in effect_names(model).items():
+            gain = None
+            if name not in why:
+                stage = name if any(one.name == name for one in predicted.stages) else ALL
+                gain = 1.0 - predicted.stage(stage).rms / law_alone
+                if abs(gain) >= MATTERS:
+                    names.append(name)
+                else:
+                    why[name] = f"it changes this run's error by less than {100.0 * MATTERS:g} %, as the model predicts"
+            self._judged[name] = Judged(name, item.term.words, name in names, why.get(name, ""), None)
+        return names
+
+    def _judge(self, names: list[str], chosen: Chosen) -> None:
+        for name in names:
+            kept = chosen.effects is not None and name in chosen.effects
+            gain: Gain | None = chosen.gains.get(name)
+            why = "" if kept else "tracking is not measurably better with it"
+            self._judged[name] = replace(self._judged[name], kept=kept, why=why, gain=gain)
+
+    async def _settle_model(self) -> None:
+        """The axis file that acts from now on has just the effects that are kept; it stays with the results."""
+        parameters: Mapping[str, object] = self.setup.models["lugre_compensator"]
+        file = load_axis(Path(str(parameters["model"])))
+        left_out = parameters["left_out"]
+        assert isinstance(left_out, list)
+        kept = tuple(item for name, item in effect_names(file.axis).items() if name not in left_out)
+        path = self._directory / "model.yaml"
+        save_axis(path, replace(file, axis=replace(file.axis, effects=kept)), "What is cancelled: verified on measured tracking")
+        self.setup = replace(self.setup, models=modelled(str(path)))
+
+
+def words_of(effects: tuple[str, ...]) -> str:
+    """What is being tried."""
+    return f"trying {', '.join(effects).replace('_', ' ')}" if effects else "trying the model's friction alone"
+
+
+def believed(file: AxisFile, parameters: LugreParameters, simulated: bool, namespace: str) -> AxisFile:
+    """The axis as it is known before a diagnosis: the friction identified, the inertia that the controller is told.
+
+    Of a simulated axis the effects are the truth, which nobody is told.
+    """
+    control = control_of(file)
+    friction = instance(law("lugre"), both_directions(parameters))
+    axis = replace(
+        file.axis,
+        friction=friction,
+        inertia=control.controller.inertia_feedforward or file.axis.inertia,
+        effects=() if simulated else file.axis.effects,
+    )
+    place = namespace.rstrip("/")
+    position, velocity, torque = (
+        SignalSource(f"{place}/joint_states", field, file.axis.name) for field in ("position", "velocity", "effort")
+    )
+    reference = SignalSource(f"{place}/reference", "position")
+    return replace(file, axis=axis, signals=SignalMap(position=position, torque=torque, velocity=velocity, reference=reference))
