@@ -105,7 +105,7 @@ class Cancelling:
         if motion is not None:
             self._diagnosed.append(f"diagnose_{number}")
             await self._stages.run(self._diagnosed[-1], self._base.mode, motion, "moving the axis for a diagnosis")
-        bags = [*self._diagnosed, paper[0]] if self._diagnosed else list(dict.fromkeys([*paper, self._base.stage]))
+        bags = self._diagnosed or list(dict.fromkeys([*paper, self._base.stage]))
         axis, name = self._directory / f"believed_{number}.yaml", f"diagnosis_{number}"
         save_axis(axis, self._believed, "What was believed of the axis before its diagnosis")
         verdict, statement = await self._stages.diagnosed(name, axis, [self._directory / bag for bag in bags])

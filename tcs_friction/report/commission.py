@@ -13,13 +13,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from tcs_friction.control.compensator import LugreParameters
 from tcs_friction.control.guard import Gain
 from tcs_friction.control.tracking import ARCSEC, TrackingErrors
 from tcs_friction.physics.registry import law
 from tcs_friction.report import published
-from tcs_friction.report.figures import Array
+from tcs_friction.report.figures import (
+    BELIEVED,
+    IMPROVED,
+    MUTED,
+    TRUTH,
+    Array,
+    drawn,
+    label,
+    legend,
+    panels,
+)
 from tcs_friction.report.html import (
     Cell,
     Html,
@@ -34,6 +45,7 @@ from tcs_friction.report.html import (
 from tcs_friction.report.numbers import aligned
 from tcs_friction.report.runs import (
     FrictionRun,
+    Stage,
     TrackingRun,
     draw_costs,
     draw_errors,
@@ -98,6 +110,17 @@ class CommissionResult:
         keep = run.t >= run.t[0] + self.settle
         return float(np.sqrt(np.mean((run.observed - run.truth)[keep] ** 2) / np.mean(run.truth[keep] ** 2)))
 
+    @property
+    def stages(self) -> list[Stage]:
+        """The tracking runs in the order of what was compensated, as pictures show them."""
+        every = (
+            ("not compensated", MUTED, self.before),
+            ("friction", BELIEVED, self.after),
+            ("friction and what was found", IMPROVED, self.found),
+            ("ideal", TRUTH, self.ideal),
+        )
+        return [Stage(name, color, run) for name, color, run in every if run is not None]
+
     def to_mapping(self) -> dict[str, Any]:
         """commission.json: tracking errors in arcsec, friction in SI units."""
         errors = {
@@ -144,8 +167,8 @@ def cut(before: float, after: float) -> float:
     return 1.0 - abs(after) / abs(before)
 
 
-def table_3(before: TrackingErrors, after: TrackingErrors) -> list[tuple[str, ...]]:
-    """Table 3's rows: quantity, ours before, after and cut, the paper's before, after and cut."""
+def table_3(before: TrackingErrors, after: TrackingErrors, found: TrackingErrors | None = None) -> list[tuple[str, ...]]:
+    """Table 3's rows: quantity, ours before, after and cut, with what was found and cut, the paper's before, after and cut."""
     rows = []
     names = (
         ("positive peak at zero crossings", "peak_positive"),
@@ -153,54 +176,121 @@ def table_3(before: TrackingErrors, after: TrackingErrors) -> list[tuple[str, ..
         ("tracking RMS", "rms"),
     )
     for name, key in names:
-        cells = [name]
-        for first, second in ((before, after), (published.BEFORE, published.AFTER)):
-            b, a = getattr(first, key), getattr(second, key)
-            cells += [f"{b:.4f}″", f"{a:.4f}″", f"{100.0 * cut(b, a):.1f} %"]
-        rows.append(tuple(cells))
+        first = getattr(before, key)
+        cells = [name, f"{first:.4f}″"]
+        for last in (after, found) if found is not None else (after,):
+            cells += [f"{getattr(last, key):.4f}″", f"{100.0 * cut(first, getattr(last, key)):.1f} %"]
+        b, a = getattr(published.BEFORE, key), getattr(published.AFTER, key)
+        rows.append((*cells, f"{b:.4f}″", f"{a:.4f}″", f"{100.0 * cut(b, a):.1f} %"))
     return rows
 
 
-TABLE_3_HEAD = ("", "before", "after", "cut by", "paper before", "paper after", "paper cut by")
+def table_3_head(found: bool = False) -> tuple[str, ...]:
+    """Above the rows of `table_3`."""
+    more = ("with what was found", "cut by") if found else ()
+    return ("", "before", "after", "cut by", *more, "paper before", "paper after", "paper cut by")
+
+
+def tables(result: CommissionResult) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Head and rows of Table 3 for a commissioning."""
+    found = None if result.found is None else result.found.errors(result.settle)
+    rows = table_3(result.before.errors(result.settle), result.after.errors(result.settle), found)
+    return table_3_head(found is not None), rows
+
+
+def effect_rows(result: CommissionResult) -> list[tuple[str, ...]]:
+    """What was found: its name, what cancelling it was measured to be worth, and what became of it."""
+    rows: list[tuple[str, ...]] = []
+    for one in result.judged:
+        worth = "not tried"
+        if one.gain is not None:
+            between = one.gain.improvement
+            worth = f"{one.gain.without / ARCSEC:.4f}″ to {one.gain.cancelled / ARCSEC:.4f}″ rms"
+            worth += f" (times {between.lowest:.3f} to {between.highest:.3f})"
+        rows.append((one.name.replace("_", " "), worth, "cancelled" if one.kept else one.why))
+    return rows
+
+
+EFFECT_HEAD = ("effect", "tracking error without and with its cancellation", "")
 
 
 def console_table(result: CommissionResult) -> str:
-    """The before/after table beside the paper's, for a terminal."""
-    rows = [TABLE_3_HEAD, *table_3(result.before.errors(result.settle), result.after.errors(result.settle))]
-    return "\n".join(aligned(rows))
+    """The before/after table beside the paper's, and what was found, for a terminal."""
+    head, rows = tables(result)
+    lines = aligned([head, *rows])
+    if result.judged:
+        width = max(len(row[0]) for row in effect_rows(result))
+        lines += ["", "found, and what cancelling it is worth on this run:"]
+        for name, worth, what in effect_rows(result):
+            lines.append(f"  {name.ljust(width)}  {worth}, {what}" if worth != "not tried" else f"  {name.ljust(width)}  {what}")
+    return "\n".join(lines)
 
 
 def write_report(directory: Path, result: CommissionResult) -> Path:
     """Write DIR/report.html and its pictures; returns the page's path."""
     before, after = result.before.errors(result.settle), result.after.errors(result.settle)
-    speed = draw_speed(result.before)
-    errors = draw_errors(result.before, result.after, result.friction_off)
-    spectra = draw_spectra(result.before, result.after, result.friction_off)
+    speed, errors, spectra = draw_speed(result.before), draw_errors(result.stages), draw_spectra(result.stages)
     friction = draw_friction(_with_law(result))
     costs = draw_costs({"best of the generation": result.costs})
-    worst = max(abs(after.peak_positive), abs(after.peak_negative))
-    sentence = (
-        f"With its friction measured, identified and compensated, {result.axis} crosses zero speed "
-        f"within {worst:.3f}″ "
-        f"instead of {max(before.peak_positive, -before.peak_negative):.2f}″, "
-        f"and tracks to {after.rms:.3f}″ RMS instead of {before.rms:.3f}″."
-    )
+    pictures = [speed, errors, spectra, friction, costs]
+    found: list[Html] = []
+    if result.judged:
+        content: list[Any] = list(result.statements)
+        if any(one.gain is not None for one in result.judged):
+            pictures.append(draw_worth(result))
+            content.append(picture(pictures[-1]))
+        words = "Measured on the run to be tracked; times: 90 % interval of the error's ratio, window by window"
+        found = [section("What was found beside friction", *content, table(EFFECT_HEAD, effect_rows(result), words))]
     document = page(
         f"Commissioning of {result.axis}",
-        sentence,
+        sentence(result),
         key_numbers(_numbers(result, before, after)),
-        section(
-            "Tracking error",
-            picture(errors),
-            table(TABLE_3_HEAD, table_3(before, after), "Table 3, ours and the paper's"),
-        ),
+        section("Tracking error", picture(errors), table(*tables(result), "Table 3, ours and the paper's")),
+        *found,
         section("Over frequency", picture(spectra)),
         section("Friction", picture(friction), _parameters(result)),
         section("The search", picture(costs)),
         section("The run", picture(speed), *result.notes),
         remark=f"{result.seconds:.0f} s in all." if result.seconds else "",
     )
-    return write_page(directory / "report.html", document, [speed, errors, spectra, friction, costs])
+    return write_page(directory / "report.html", document, pictures)
+
+
+def sentence(result: CommissionResult) -> str:
+    """What came of it, in a sentence or two."""
+    before, after = result.before.errors(result.settle), result.after.errors(result.settle)
+    worst = max(abs(after.peak_positive), abs(after.peak_negative))
+    words = (
+        f"With its friction measured, identified and compensated, {result.axis} crosses zero speed "
+        f"within {worst:.3f}″ "
+        f"instead of {max(before.peak_positive, -before.peak_negative):.2f}″, "
+        f"and tracks to {after.rms:.3f}″ RMS instead of {before.rms:.3f}″."
+    )
+    if result.found is not None:
+        kept = ", ".join(dict.fromkeys(one.words for one in result.judged if one.kept))
+        found = result.found.errors(result.settle).rms
+        words += f" With {kept or 'the diagnosed friction'} cancelled, too, it tracks to {found:.3f}″."
+    return words
+
+
+@drawn("effects", "What cancelling each effect is worth on the run that is tracked, as measured (bars: 90 % interval).")
+def draw_worth(result: CommissionResult) -> Figure:
+    """Rms tracking error without and with each effect that was tried."""
+    tried = [(one, one.gain) for one in result.judged if one.gain is not None]
+    figure, (axes,) = panels(height=0.9 + 0.5 * len(tried))
+    places = np.arange(len(tried))[::-1].astype(float)
+    without = np.array([gain.without for _, gain in tried]) / ARCSEC
+    share = np.array([[gain.improvement.lowest, gain.improvement.ratio, gain.improvement.highest] for _, gain in tried])
+    size = np.array([gain.cancelled for _, gain in tried]) / ARCSEC
+    reach = np.clip(without[:, None] * np.abs(share[:, [0, 2]] - share[:, [1]]), 0.0, 10.0 * without.max()).T
+    axes.barh(places + 0.19, without, 0.36, color=BELIEVED, label="without its cancellation")
+    axes.barh(places - 0.19, size, 0.36, xerr=reach, color=IMPROVED, error_kw={"lw": 1.0, "capsize": 2}, label="with it")
+    axes.set_yticks(places, [f"{one.name.replace('_', ' ')}\n({'kept' if one.kept else 'put back'})" for one, _ in tried])
+    axes.set_xlim(0.0, 1.15 * without.max())
+    axes.grid(visible=False, axis="y")
+    label(axes, "rms tracking error (arcsec)", "")
+    legend(axes)
+    return figure
 
 
 def _with_law(result: CommissionResult) -> FrictionRun:
@@ -225,9 +315,9 @@ def _numbers(result: CommissionResult, before: TrackingErrors, after: TrackingEr
             ("tracking RMS", "rms", "36.2 %"),
         )
     ]
-    if result.friction_off is not None:
-        ratio = after.rms / result.friction_off.errors(result.settle).rms
-        numbers.append(Number("RMS over that without friction", f"{ratio:.2f}", "1 is as good as it can be"))
+    if result.ideal is not None:
+        ratio = (result.found or result.after).errors(result.settle).rms / result.ideal.errors(result.settle).rms
+        numbers.append(Number("RMS over the ideal", f"{ratio:.2f}", "of an axis without friction and effects"))
     if result.dob_relative_error is not None:
         off = f"{100.0 * result.dob_relative_error:.1f} %"
         numbers.append(Number("friction observed to within", off, "RMS, against the plant's own"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -44,6 +44,7 @@ from tcs_friction.report.figures import (
 DEGREE = np.pi / 180.0
 """One degree in rad."""
 SMOOTHING = 0.1  # s
+NEAR = 1.5  # s to either side of a reversal that is looked at closely
 
 
 @dataclass(frozen=True)
@@ -98,43 +99,42 @@ def draw_speed(run: TrackingRun) -> Figure:
     return figure
 
 
-@drawn(
-    "tracking_error", "Tracking error before and after compensation: the whole run, and its last reversal."
-)
-def draw_errors(before: TrackingRun, after: TrackingRun, ideal: TrackingRun | None = None) -> Figure:
-    """Error in time; on the right the last reversal, with the run without friction."""
+@dataclass(frozen=True)
+class Stage:
+    """A tracking run in one stage of compensation, and how it is drawn."""
+
+    name: str
+    color: str
+    run: TrackingRun
+
+
+@drawn("tracking_error", "Tracking error in each stage of compensation: the whole run, and its last reversal.")
+def draw_errors(stages: Sequence[Stage]) -> Figure:
+    """Error in time, without compensation first; on the right the last reversal, without that first stage."""
     figure, (whole, close) = panels(1, 2, height=3.2, width=9.4, gridspec_kw={"width_ratios": [1.7, 1]})
-    for run, color, name in ((before, BELIEVED, "before"), (after, IMPROVED, "after")):
-        line(whole, run.t, run.error / ARCSEC, color, name)
-    crossing = reversals(before.t, before.reference_velocity)
-    center = float(crossing[-1, 0]) if len(crossing) else float(before.t[-1])
-    every = ((before, BELIEVED, None), (ideal, TRUTH, "friction switched off"), (after, IMPROVED, None))
-    for run_or_none, color, label_or_none in every:
-        if run_or_none is not None:
-            near = np.abs(run_or_none.t - center) < 1.5
-            line(close, run_or_none.t[near], run_or_none.error[near] / ARCSEC, color, label_or_none)
-    label(whole, "time (s)", "error (arcsec)")
-    label(close, "time (s)", "")
+    first = stages[0].run
+    crossings = reversals(first.t, first.reference_velocity)[:, 0]
+    inside = crossings[crossings < first.t[-1] - NEAR]
+    center = float(inside[-1] if len(inside) else first.t[-1])
+    for stage in stages:
+        line(whole, stage.run.t, stage.run.error / ARCSEC, stage.color, stage.name, lw=0.9)
+    for stage in stages[1:]:
+        near = np.abs(stage.run.t - center) < NEAR
+        line(close, stage.run.t[near], stage.run.error[near] / ARCSEC, stage.color, lw=0.9)
+    label(whole, "time (s)", "tracking error (arcsec)")
+    label(close, "time (s), about a reversal", "")
     legend(whole)
-    if ideal is not None:
-        legend(close)
     return figure
 
 
-@drawn("tracking_spectrum", "Tracking error over frequency before and after compensation.")
-def draw_spectra(before: TrackingRun, after: TrackingRun, ideal: TrackingRun | None = None) -> Figure:
+@drawn("tracking_spectrum", "Tracking error over frequency in each stage of compensation.")
+def draw_spectra(stages: Sequence[Stage]) -> Figure:
     """Amplitude density of the error."""
     figure, (axes,) = panels(height=3.0)
-    every = [
-        (before, BELIEVED, "before"),
-        (after, IMPROVED, "after"),
-        (ideal, TRUTH, "friction switched off"),
-    ]
-    for run, color, name in every:
-        if run is not None:
-            frequency, density = spectrum(run)
-            axes.loglog(frequency, density, color=color, label=name, lw=1.0)
-    label(axes, "frequency (Hz)", "error (arcsec/√Hz)")
+    for stage in stages:
+        frequency, density = spectrum(stage.run)
+        axes.loglog(frequency, density, color=stage.color, label=stage.name, lw=1.0)
+    label(axes, "frequency (Hz)", "tracking error (arcsec/√Hz)")
     legend(axes)
     return figure
 

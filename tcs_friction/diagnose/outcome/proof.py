@@ -22,11 +22,13 @@ from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
 from tcs_friction.diagnose.search.harmonics import added_effects
 from tcs_friction.diagnose.search.laws import Lack
+from tcs_friction.diagnose.search.matched_filter import in_step
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Role
 
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
+ECHO = 0.1  # of a wave's torque, as well as gain and timing of a logged torque are known over the frequencies of a chirp
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
@@ -100,8 +102,24 @@ class _Proof:
             after=left[1],
             delta_bic=penalty - gain,
             agreement=agreement,
-            established=certainty >= NAMED and left[1] <= (1.0 + FLOOR_ERROR) * left[0],
+            established=certainty >= NAMED and left[1] <= (1.0 + FLOOR_ERROR) * left[0] and not self._echoes(item, rms(torque)),
         )
+
+    def _echoes(self, item: Instance, size: float) -> bool:
+        """Whether a wave is so small beside another of the same order that it is what the other's model leaves of it.
+
+        size: its torque, N m rms.
+        """
+        if item.term.periodic != "position":
+            return False
+        others = [one for one in self.fit.axis.effects if one is not item and one.term.periodic == "position"]
+        same = [one for one in others if in_step(self.balance, self.fit.axis, item, one)]
+        return any(size < ECHO * self._size(one) for one in same)
+
+    def _size(self, item: Instance) -> float:
+        """Torque of an effect of the improved axis, N m rms."""
+        axis = self.fit.axis
+        return rms(self.residual(axis.without_effect(item)) - self.residual(axis))
 
     def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
         """What a law says of an effect that completes it, with standard deviations to first order."""

@@ -80,11 +80,18 @@ def same_wave(balance: TorqueBalance, axis: Axis, one: Instance, other: Instance
     if not (one.term.periodic and other.term.periodic):
         return False
     if one.term is other.term:
-        orders = [[item.order] for item in (one, other)]
-    elif one.term.periodic != other.term.periodic:
-        orders = [_orders(item) for item in (one, other)]
-    else:
-        return False
+        return _in_step(balance, axis, one, other, [[item.order] for item in (one, other)])
+    return one.term.periodic != other.term.periodic and in_step(balance, axis, one, other)
+
+
+def in_step(balance: TorqueBalance, axis: Axis, one: Instance, other: Instance) -> bool:
+    """Whether any harmonics of two periodic effects part by less than ONE_WAVE periods over the recording."""
+    return _in_step(balance, axis, one, other, [_orders(item) for item in (one, other)])
+
+
+def _in_step(
+    balance: TorqueBalance, axis: Axis, one: Instance, other: Instance, orders: Sequence[Sequence[float]]
+) -> bool:
     first, second = (wave_angle(balance, axis, item.term)[balance.train] for item in (one, other))
     return any(
         float(np.ptp(k * first - m * second)) < 2.0 * math.pi * ONE_WAVE for k, m in itertools.product(*orders)

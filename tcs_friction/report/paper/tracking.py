@@ -12,11 +12,11 @@ from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
 from tcs_friction.control.loop import without_friction
 from tcs_friction.control.tracking import TrackingErrors
 from tcs_friction.report import published
-from tcs_friction.report.commission import TABLE_3_HEAD, cut, table_3
+from tcs_friction.report.commission import cut, table_3, table_3_head
 from tcs_friction.report.figures import BELIEVED, IMPROVED, MUTED, TRUTH, Picture, drawn, label, panels
 from tcs_friction.report.html import Cell, Html, picture, section, table
 from tcs_friction.report.paper.stand import Chapter, Stand
-from tcs_friction.report.runs import TrackingRun, draw_errors, draw_spectra
+from tcs_friction.report.runs import Stage, TrackingRun, draw_errors, draw_spectra
 
 NONE = "no compensation"
 OBSERVER = "disturbance observer only"
@@ -116,12 +116,13 @@ def draw_comparison(result: TrackingResult) -> Figure:
 def chapter(result: TrackingResult) -> Chapter:
     """Figs. 20 and 21, Table 3, the comparison."""
     runs, errors = result.runs, result.errors
-    time = draw_errors(runs[NONE], runs[BOTH], runs[IDEAL])
+    stages = [Stage("before", BELIEVED, runs[NONE]), Stage("after", IMPROVED, runs[BOTH]), Stage(IDEAL, TRUTH, runs[IDEAL])]
+    time = draw_errors(stages)
     time = Picture("figure_20", f"Fig. 20. {time.caption}", time.png)
-    frequency = draw_spectra(runs[NONE], runs[BOTH], runs[IDEAL])
+    frequency = draw_spectra(stages)
     frequency = Picture("figure_21", f"Fig. 21. {frequency.caption}", frequency.png)
     bars = draw_comparison(result)
-    table_three = table(TABLE_3_HEAD, table_3(errors[NONE], errors[BOTH]), "Table 3, with LuGre and observer")
+    table_three = table(table_3_head(), table_3(errors[NONE], errors[BOTH]), "Table 3, with LuGre and observer")
     words = (
         "Before compensation the simulated axis was made to show the paper's errors, so that the cuts compare. The paper's "
         "axis is a real telescope with wind, structure and bearings of its own: its remaining errors hold more than friction, "
