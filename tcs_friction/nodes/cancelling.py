@@ -199,7 +199,7 @@ class Cancelling:
                     names.append(name)
                 else:
                     why[name] = f"it changes this run's error by less than {100.0 * MATTERS:g} %, as the model predicts"
-            self._judged[name] = Judged(name, item.term.words, name in names, why.get(name, ""), None)
+            self._judged[name] = Judged(name, item.words, name in names, why.get(name, ""), None)
         return names
 
     def _judge(self, names: list[str], chosen: Chosen) -> None:

@@ -24,8 +24,15 @@ from tcs_friction.report.commission import CommissionResult
 
 NODES = (*graph.LOOP, "identifier", "diagnoser")
 """Besides commission itself."""
-SETTINGS = {"diagnose_file": "azimuth_1p2m_diagnose.yaml", "diagnoses": 1, "trials": 1, "run_until": 0.0}
-"""One round of diagnosis and one run for each way to compensate, so that it is over in two minutes."""
+SETTINGS = {
+    "diagnose_file": "azimuth_1p2m_diagnose.yaml",
+    "diagnoses": 1,
+    "trials": 1,
+    "listen": False,
+    "run_until": 0.0,
+    "time_limit": 60.0,  # s; identification and diagnosis are waited for
+}
+"""One round of diagnosis, of a bag, and one run for each way to compensate, so that it is over in two minutes."""
 
 
 def own_domain() -> int:

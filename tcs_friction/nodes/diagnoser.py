@@ -10,7 +10,7 @@ from tcs_friction_msgs.action import Diagnose as DiagnoseAction
 from tcs_friction_msgs.srv import Diagnose as DiagnoseService
 
 from tcs_friction.config import AxisFile
-from tcs_friction.control.config_field import setting
+from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.plausible import Ranges
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
@@ -30,6 +30,7 @@ from tcs_friction.report.diagnosis_files import write_diagnosis
 class DiagnoserConfig(ResultsConfig, Ranges, ClockConfig):
     """How much is remembered."""
 
+    listen: bool = switch(True, "remember joint states, so that a diagnosis needs no bag", fixed=True)
     memory: float = setting(600.0, "s", 1.0, 1e5, "joint states older than this are forgotten")
 
 
@@ -47,7 +48,10 @@ class Diagnoser(AxisNode[DiagnoserConfig]):
         self.start()
         self._waiter = Waiter(self)
         self._jobs = Jobs(self, self._waiter, "diagnose", self._diagnose, DiagnoseAction, DiagnoseService)
-        self.hear_driver(self._on_state, COLLECT)
+        if self.config.listen:
+            self.hear_driver(self._on_state, COLLECT)
+        else:
+            self.hears = ""
 
     def configure(self, config: DiagnoserConfig) -> None:
         super().configure(config)

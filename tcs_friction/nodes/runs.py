@@ -73,7 +73,7 @@ class Run:
         found: dict[str, list[Array]] = {}
         for name, some in sources.items():
             of_topic = columns[some[0].topic]
-            found[name] = [(of_topic.log_times - EPOCH) / SECOND, *(of_topic.values[source] for source in some)]
+            found[name] = [(of_topic.log_times - EPOCH).astype(np.float64) * 1e-9, *(of_topic.values[source] for source in some)]
         return cls(joint, found)
 
     def _topic(self, name: str, namespace: str) -> TopicData:

@@ -54,6 +54,12 @@ class Instance:
         return own if self.table is None else (*own, *self.table.signals)
 
     @property
+    def words(self) -> str:
+        """What it is, with what tells it from others of its kind: `cogging of order 72`."""
+        order = f" of order {self.order:.4g}" if self.term.periodic == "position" else ""
+        return f"{self.term.words}{order}{f' from {self.signal}' if self.signal else ''}"
+
+    @property
     def thermal(self) -> bool:
         """Whether it follows the temperature."""
         return self.term.temperature or (self.table is not None and "temperature" in self.table.coordinates)

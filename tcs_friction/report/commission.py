@@ -60,7 +60,7 @@ from tcs_friction.report.runs import (
 class Judged:
     """An effect that a diagnosis has found: whether it is cancelled, why not, and what that was measured to be worth.
 
-    name: as the model has it; words: in words. gain: None where it was not tried.
+    name: as the model has it; words: what tells it from others of its kind. gain: None where it was not tried.
     """
 
     name: str
@@ -116,8 +116,8 @@ class CommissionResult:
         every = (
             ("not compensated", MUTED, self.before),
             ("friction", BELIEVED, self.after),
-            ("friction and what was found", IMPROVED, self.found),
             ("ideal", TRUTH, self.ideal),
+            ("friction and what was found", IMPROVED, self.found),
         )
         return [Stage(name, color, run) for name, color, run in every if run is not None]
 
@@ -207,7 +207,7 @@ def effect_rows(result: CommissionResult) -> list[tuple[str, ...]]:
             between = one.gain.improvement
             worth = f"{one.gain.without / ARCSEC:.4f}″ to {one.gain.cancelled / ARCSEC:.4f}″ rms"
             worth += f" (times {between.lowest:.3f} to {between.highest:.3f})"
-        rows.append((one.name.replace("_", " "), worth, "cancelled" if one.kept else one.why))
+        rows.append((one.words, worth, "cancelled" if one.kept else one.why))
     return rows
 
 
@@ -285,7 +285,7 @@ def draw_worth(result: CommissionResult) -> Figure:
     reach = np.clip(without[:, None] * np.abs(share[:, [0, 2]] - share[:, [1]]), 0.0, 10.0 * without.max()).T
     axes.barh(places + 0.19, without, 0.36, color=BELIEVED, label="without its cancellation")
     axes.barh(places - 0.19, size, 0.36, xerr=reach, color=IMPROVED, error_kw={"lw": 1.0, "capsize": 2}, label="with it")
-    axes.set_yticks(places, [f"{one.name.replace('_', ' ')}\n({'kept' if one.kept else 'put back'})" for one, _ in tried])
+    axes.set_yticks(places, [f"{one.words}\n({'kept' if one.kept else 'put back'})" for one, _ in tried])
     axes.set_xlim(0.0, 1.15 * without.max())
     axes.grid(visible=False, axis="y")
     label(axes, "rms tracking error (arcsec)", "")

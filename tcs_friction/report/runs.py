@@ -108,9 +108,9 @@ class Stage:
     run: TrackingRun
 
 
-@drawn("tracking_error", "Tracking error in each stage of compensation: the whole run, and its last reversal.")
+@drawn("tracking_error", "Tracking error in each stage of compensation: the whole run, and its mean over 0.1 s about a reversal.")
 def draw_errors(stages: Sequence[Stage]) -> Figure:
-    """Error in time, without compensation first; on the right the last reversal, without that first stage."""
+    """Error in time, without compensation first; on the right its mean over SMOOTHING about a reversal, without that stage."""
     figure, (whole, close) = panels(1, 2, height=3.2, width=9.4, gridspec_kw={"width_ratios": [1.7, 1]})
     first = stages[0].run
     crossings = reversals(first.t, first.reference_velocity)[:, 0]
@@ -120,9 +120,9 @@ def draw_errors(stages: Sequence[Stage]) -> Figure:
         line(whole, stage.run.t, stage.run.error / ARCSEC, stage.color, stage.name, lw=0.9)
     for stage in stages[1:]:
         near = np.abs(stage.run.t - center) < NEAR
-        line(close, stage.run.t[near], stage.run.error[near] / ARCSEC, stage.color, lw=0.9)
+        line(close, stage.run.t[near], smoothed(stage.run.t, stage.run.error)[near] / ARCSEC, stage.color, lw=1.1)
     label(whole, "time (s)", "tracking error (arcsec)")
-    label(close, "time (s), about a reversal", "")
+    label(close, "time (s)", "", f"about a reversal, mean over {SMOOTHING:g} s")
     legend(whole)
     return figure
 

@@ -14,11 +14,13 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.action import Identify as IdentifyAction
+from tcs_friction_msgs.msg import AxisTorque
 from tcs_friction_msgs.srv import Diagnose, Identify, SetMode
 
 from tcs_friction.config import load_axis
 from tcs_friction.nodes.graph import GRAPH
 from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.nodes.qos import PUBLISH
 from tcs_friction.recording.bags import read_recordings
 
 CANCELED = 5
@@ -31,7 +33,7 @@ def short(tmp_path: Path) -> list[str]:
     run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 1.5, acceleration: 5.0e-3, duration: 6.0}\n")
     measure.write_text("reference: {kind: sinusoid, amplitude: 3.0e-3, period: 10.0, duration: 12.0}\n")
     arguments = {"reference_file": run, "measure_file": measure, "settle": 1.0, "run_until": 0.0, "answer_limit": 3.0}
-    arguments["results"] = tmp_path
+    arguments |= {"results": tmp_path, "diagnoses": 0}
     return [word for name, value in arguments.items() for word in ("-p", f"{name}:={value}")]
 
 
@@ -152,8 +154,10 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     assert shares == sorted(shares)
     assert {"measuring friction", "compensating"} <= {stage for _, stage in heard}
     content = json.loads((directory / "commission.json").read_text())
-    assert set(content) == {"before", "after", "friction_off", "dob_relative_error", "identified", "true"}
+    known = {"before", "after", "friction_off", "dob_relative_error", "identified", "true"}
+    assert set(content) == known | {"found", "ideal", "effects", "statements"}
     assert content["after"]["rms"] < content["before"]["rms"]
+    assert (content["found"], content["effects"]) == (None, [])
     names = {path.name for path in directory.iterdir()}
     assert {"before", "measure", "after", "identification.json", "axis.yaml", "report.html"} <= names
     signals = load_axis(directory / "axis.yaml").signals
@@ -201,14 +205,24 @@ def test_a_second_goal_is_refused_while_one_runs(
 
 
 def test_commissioning_names_a_loop_that_stalls(together: Callable[..., Any], short: list[str]) -> None:
-    nodes = [name for name in GRAPH if name != "controller"]
-    graph = together(*short, "-p", "stall_limit:=2.0", nodes=nodes)
+    graph = together(*short, "-p", "stall_limit:=2.0", nodes=GRAPH)
+    graph["controller"].destroy_publisher(graph["controller"]._publisher)
+    graph["controller"]._publisher = graph["controller"].create_publisher(AxisTorque, "nowhere", PUBLISH)
     ended = graph.result(
         act(graph, CommissionAction, "commission/commission", CommissionAction.Goal(), lambda _: None), 120.0
     )
     assert not ended.result.success
     assert "stalled" in ended.result.message
     assert "joint_states" in ended.result.message
+
+
+def test_commissioning_names_a_node_that_is_not_there(together: Callable[..., Any], short: list[str]) -> None:
+    graph = together(*short, "-p", "answer_limit:=1.0", nodes=[name for name in GRAPH if name != "controller"])
+    ended = graph.result(
+        act(graph, CommissionAction, "commission/commission", CommissionAction.Goal(), lambda _: None), 120.0
+    )
+    assert not ended.result.success
+    assert "service controller/get_parameters: not there within 1 s" in ended.result.message
 
 
 def test_the_compensator_refuses_bad_parameters_whole(together: Callable[..., Any]) -> None:

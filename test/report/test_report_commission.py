@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from tcs_friction.control.compensator import LugreParameters
-from tcs_friction.control.tracking import ARCSEC
+from tcs_friction.control.guard import Gain
+from tcs_friction.control.tracking import ARCSEC, Improvement
 from tcs_friction.report import published
-from tcs_friction.report.commission import CommissionResult, console_table, cut, table_3, write_report
+from tcs_friction.report.commission import CommissionResult, Judged, console_table, cut, table_3, write_report
 from tcs_friction.report.runs import FrictionRun, TrackingRun, simulated_friction, spectrum
 
 NAMES = ("coulomb", "static", "stribeck_velocity", "stiffness", "damping", "viscous")
@@ -48,7 +49,8 @@ def result() -> CommissionResult:
 
 def test_mapping_has_the_contract_s_keys_and_the_runs_numbers(result: CommissionResult) -> None:
     content = json.loads(json.dumps(result.to_mapping()))
-    assert set(content) == {"before", "after", "friction_off", "dob_relative_error", "identified", "true"}
+    known = {"before", "after", "friction_off", "dob_relative_error", "identified", "true"}
+    assert set(content) == known | {"found", "ideal", "effects", "statements"}
     assert content["before"]["peak_positive"] == pytest.approx(0.9, rel=1e-3)
     assert content["after"]["peak_negative"] == pytest.approx(-0.09, rel=1e-3)
     assert content["dob_relative_error"] == pytest.approx(0.02)
@@ -83,6 +85,37 @@ def test_console_table_is_aligned(result: CommissionResult) -> None:
     lines = console_table(result).splitlines()
     assert len(lines) == 4
     assert len({len(line) for line in lines}) == 1
+
+
+def diagnosed(result: CommissionResult) -> CommissionResult:
+    """The same with one effect cancelled, one put back and one that was not tried."""
+    gain = Gain(0.1 * ARCSEC, 0.04 * ARCSEC, Improvement(0.4, 0.35, 0.45))
+    none = Gain(0.04 * ARCSEC, 0.041 * ARCSEC, Improvement(1.02, 0.98, 1.06))
+    judged = (
+        Judged("cogging", "cogging of order 72", True, "", gain),
+        Judged("torque_ripple", "torque ripple of order 6", False, "tracking is not measurably better with it", none),
+        Judged("backlash", "backlash", False, "no torque <moves> it", None),
+    )
+    return replace(result, found=tracking(0.03, 0.0), ideal=tracking(0.02, 0.0), judged=judged, statements=("The model lacks.",))
+
+
+def test_what_was_found_and_what_it_is_worth_is_told_everywhere(result: CommissionResult, tmp_path: Path) -> None:
+    found = diagnosed(result)
+    content = json.loads(json.dumps(found.to_mapping(), allow_nan=False))
+    assert content["found"]["peak_positive"] == pytest.approx(0.03, rel=1e-3)
+    first, second, third = content["effects"]
+    assert first["gain"].pop("between") == [0.35, 0.45]
+    assert first["gain"] == pytest.approx({"rms_without": 0.1, "rms_with": 0.04, "ratio": 0.4})
+    assert (second["cancelled"], second["why_not"]) == (False, "tracking is not measurably better with it")
+    assert third["gain"] is None
+    said = console_table(found)
+    assert "with what was found" in said
+    assert "cogging of order 72       0.1000″ to 0.0400″ rms (times 0.350 to 0.450), cancelled" in said
+    document = write_report(tmp_path, found).read_text(encoding="utf-8")
+    assert "With cogging of order 72 cancelled, too, it tracks to" in document
+    assert "no torque &lt;moves&gt; it" in document
+    assert (tmp_path / "effects.png").is_file()
+    assert found.stages[0].name == "not compensated"
 
 
 def test_cut_ignores_the_sign() -> None:
