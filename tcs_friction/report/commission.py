@@ -115,7 +115,7 @@ class CommissionResult:
         """The tracking runs in the order of what was compensated, as pictures show them."""
         every = (
             ("not compensated", MUTED, self.before),
-            ("friction", BELIEVED, self.after),
+            ("friction compensated", BELIEVED, self.after),
             ("ideal", TRUTH, self.ideal),
             ("friction and what was found", IMPROVED, self.found),
         )

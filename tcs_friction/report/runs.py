@@ -122,7 +122,7 @@ def draw_errors(stages: Sequence[Stage]) -> Figure:
         near = np.abs(stage.run.t - center) < NEAR
         line(close, stage.run.t[near], smoothed(stage.run.t, stage.run.error)[near] / ARCSEC, stage.color, lw=1.1)
     label(whole, "time (s)", "tracking error (arcsec)")
-    label(close, "time (s)", "", f"about a reversal, mean over {SMOOTHING:g} s")
+    label(close, "time (s)", "", f"a reversal, mean over {SMOOTHING:g} s")
     legend(whole)
     return figure
 
