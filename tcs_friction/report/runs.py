@@ -122,8 +122,8 @@ def draw_errors(stages: Sequence[Stage]) -> Figure:
         near = np.abs(stage.run.t - center) < NEAR
         line(close, stage.run.t[near], smoothed(stage.run.t, stage.run.error)[near] / ARCSEC, stage.color, lw=1.1)
     label(whole, "time (s)", "tracking error (arcsec)")
-    label(close, "time (s)", "", f"a reversal, mean over {SMOOTHING:g} s")
-    legend(whole)
+    label(close, f"time (s); mean over {SMOOTHING:g} s", "")
+    figure.legend(*whole.get_legend_handles_labels(), loc="outside upper left", ncols=4)
     return figure
 
 
