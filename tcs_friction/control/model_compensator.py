@@ -193,7 +193,7 @@ class ModelCompensator:
     def __init__(
         self, model: Axis, dt: float, config: CancellationConfig | None = None, signals: Sequence[str] = ()
     ) -> None:
-        self.model, self.dt = model, dt
+        self.model, self.dt, self.signals = model, dt, tuple(signals)
         self._around = np.zeros(1 + 2 * len(signals))
         hindered = obstacles(model)
         self.effects = {
@@ -254,9 +254,9 @@ class ModelCompensator:
         return [*self._terms, *self._delays]
 
     @property
-    def needs(self) -> Mapping[str, str]:
-        """What has to be measured while the axis runs, by effect: "temperature" or the name of a signal."""
-        asked = {name: "temperature" if item.thermal else " and ".join(item.signals) for name, item in self.effects.items()}
+    def needs(self) -> Mapping[str, tuple[str, ...]]:
+        """What has to be measured while the axis runs, by effect: "temperature" and names of signals."""
+        asked = {name: (*(("temperature",) if item.thermal else ()), *item.signals) for name, item in self.effects.items()}
         return {name: what for name, what in asked.items() if what}
 
     @property
@@ -274,9 +274,16 @@ class ModelCompensator:
         self.plan.memory[:] = 0.0
         self.plan.parts[:] = 0.0
 
-    def step(self, t: float, q_ref: float, v_ref: float, a_ref: float, temperature: float = ROOM) -> float:
-        """The torque to add to the command (N m), for this tick's time (s), reference and temperature (degC); signals are 0."""
+    def step(
+        self, t: float, q_ref: float, v_ref: float, a_ref: float, temperature: float = ROOM, signals: Sequence[float] = ()
+    ) -> float:
+        """The torque to add to the command (N m), for this tick's time (s), reference and temperature (degC).
+
+        signals: each signal's value and its rate per second; 0 if none are given.
+        """
         self._around[0] = temperature
+        if signals:
+            self._around[1:] = signals
         torque: float = compensate(self.machine, self.plan, t, q_ref, v_ref, a_ref, self._around)
         return torque
 
@@ -286,7 +293,7 @@ class ModelCompensator:
         position = np.concatenate([way, way[::-1]])
         speed = SLOW * np.sign(np.gradient(position))
         motion = np.column_stack([position, speed, np.zeros(2 * LOOKS)])
-        self._around[0] = ROOM
+        self._around[0], self._around[1:] = ROOM, 0.0
         around = np.tile(self._around, (2 * LOOKS, 1))
         return float(np.max(np.abs(self.over(np.zeros(2 * LOOKS), motion, around))))
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Temperature
@@ -28,6 +30,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
 from tcs_friction.nodes.convert import SECOND, friction_of, nanoseconds
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.live_signals import LiveSignals
 from tcs_friction.nodes.model import ModelConfig, ModelFile
 from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
 from tcs_friction.nodes.wire import REFERENCE, TORQUE, message_of
@@ -43,6 +46,7 @@ class CompensatorNodeConfig(CompensatorConfig, CancellationConfig, ModelConfig, 
     switch3: bool = switch(False, "Switch3: the compensation reaches the controller")
     ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: the compensation comes and goes with Switch3 over this time")
     temperature_age: float = setting(60.0, "s", 0.1, 1e5, "real time: what an older temperature changes is not cancelled")
+    signal_age: float = setting(1.0, "s", 0.001, 1e5, "real time: what an older signal of the model causes is not cancelled")
 
 
 def defaults(file: AxisFile) -> CompensatorNodeConfig:
@@ -67,7 +71,9 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._lugre = LugreCompensator(self.config, self.config.period)
         self._source = Handover(self._lugre_torque, self._lugre.reset)
         self._temperature, self._measured = ROOM, -1.0  # degC, and steady time of the last one
-        self._early = b""  # lock-step: the reference that waits for a temperature
+        self._early = b""  # lock-step: the reference that waits for its surroundings
+        self._complete = False  # lock-step: all that the model needs has come once
+        self._signals = LiveSignals(self, self.health, self._on_surroundings)
         self._rule = FollowRule(self.lock_step)
         self._ramp = Ramp(self.config.ramp_time)
         if not self.lock_step:
@@ -96,12 +102,14 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             before.configure(config)
         else:
             self._model = ModelCompensator(axis, config.period, config, signals_of(axis))
+        self._signals.follow({name: self._models.signals[name] for name in self._asked() if name in self._models.signals})
         if self._model is not before:
+            self._complete = False
             ticks = config.entry_time / config.period
             if self._model is None:
                 self._source.replace(self._lugre_torque, self._lugre.reset, ticks)
             else:
-                self._source.replace(self._model.step, self._model.reset, ticks)
+                self._source.replace(partial(_torque_of, self._model, self._signals), self._model.reset, ticks)
             if self._stamp < 0:
                 self._source.reset()  # nothing has been compensated so far
         self._judge_surroundings()
@@ -132,9 +140,11 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         if not (-farthest <= position <= farthest and -fastest <= speed <= fastest and -most <= acceleration <= most):
             self.health.refuse(f"reference refused: {self.config.reference_objection(self.file.axis.inertia, *numbers)}")
             return
-        if self.lock_step and self._awaits_temperature():
-            self._early = data
-            return
+        if self.lock_step and not self._complete:
+            self._complete = not self._awaited()
+            if not self._complete:
+                self._early = data
+                return
         step = self._rule.judge(stamp) if self.lock_step else self._judge_in_real_time(stamp)
         if step is REFUSED:
             return
@@ -178,37 +188,59 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
     # Surroundings
 
     def missing(self) -> str:
-        return "temperature" if self._early else ""
+        return " and ".join(self._awaited()) if self._early else ""
 
-    def _awaits_temperature(self) -> bool:
-        """Lock-step: whether the model needs a temperature that has yet to come, so that a run is the same every time."""
-        return self._measured < 0.0 and self._model is not None and "temperature" in self._model.needs.values()
+    def _asked(self) -> list[str]:
+        """What the model's effects need to have measured: "temperature" and names of signals."""
+        needs = self._model.needs.values() if self._model is not None else ()
+        return list(dict.fromkeys(what for some in needs for what in some))
+
+    def _awaited(self) -> list[str]:
+        """Lock-step: what the model needs, has a topic and has yet to come, so that a run begins the same every time."""
+        return [
+            what
+            for what in self._asked()
+            if (self._measured < 0.0 if what == "temperature" else self._signals.named(what) and not self._signals.heard(what))
+        ]
 
     def _on_temperature(self, message: Temperature) -> None:
         if not COLDEST <= message.temperature <= HOTTEST:
             self.health.refuse(f"temperature refused: {message.temperature:g} degC, expected {COLDEST:g} to {HOTTEST:g}")
             return
         self._temperature, self._measured = message.temperature, time.monotonic()
+        self._on_surroundings()
+
+    def _on_surroundings(self) -> None:
         self._judge_surroundings()
         if self._early:
             early, self._early = self._early, b""
             self._on_reference(early)
 
     def _judge_surroundings(self) -> None:
-        """Take out what depends on a temperature that is too old, and on signals, which no topic gives; both are reported."""
+        """Take out what depends on a temperature or a signal that is too old or never came, and report it."""
         if self._model is None:
             self.health.well("surroundings")
             return
-        age = time.monotonic() - self._measured
-        warm = self.lock_step or (self._measured >= 0.0 and age <= self.config.temperature_age)
-        missing = {name: what for name, what in self._model.needs.items() if what != "temperature" or not warm}
+        missing = {
+            name: [what for what in some if not self._fresh(what)] for name, some in self._model.needs.items()
+        }
+        missing = {name: some for name, some in missing.items() if some}
         self._model.without(missing)
         self.health.well("surroundings")
         if missing:
-            words = ", ".join(f"{name} (no {what})" for name, what in missing.items())
+            words = ", ".join(f"{name} (no {' and '.join(some)})" for name, some in missing.items())
             self.health.doubt("surroundings", f"not cancelled: {words}")
 
+    def _fresh(self, what: str) -> bool:
+        """Whether a temperature or a signal is there and young enough; in lock-step it is enough that it has come."""
+        if what != "temperature":
+            return self._signals.heard(what, math.inf if self.lock_step else self.config.signal_age)
+        if self.lock_step:
+            return True
+        return self._measured >= 0.0 and time.monotonic() - self._measured <= self.config.temperature_age
+
     def _watch(self, now: float) -> None:
+        self._signals.look()
         self._judge_surroundings()
         super()._watch(now)
 
@@ -230,6 +262,13 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         else:
             self.health.refuse(f"lugre_parameters refused: {result.reason}")
             self.get_logger().warning(f"lugre_parameters refused: {result.reason}")
+
+
+def _torque_of(
+    model: ModelCompensator, live: LiveSignals, t: float, q: float, v: float, a: float, temperature: float
+) -> float:
+    """A model's torque with the signals as they are now."""
+    return model.step(t, q, v, a, temperature, live.values(model.signals))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tcs_friction.config import AxisFile
@@ -11,6 +12,7 @@ from tcs_friction.control.position_correction import PositionCorrection
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.files import axis_file
 from tcs_friction.physics.axis import Axis
+from tcs_friction.recording.signals import SignalSource
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,12 @@ class ModelFile:
 
     def __init__(self) -> None:
         self._name = ""
-        self._axis: Axis | None = None
+        self._file: AxisFile | None = None
+
+    @property
+    def signals(self) -> Mapping[str, SignalSource]:
+        """Where the model's signals are, by name."""
+        return self._file.signals.exogenous if self._file is not None and self._file.signals is not None else {}
 
     def read(self, config: ModelConfig, file: AxisFile) -> Axis | None:
         """The model of a configuration for the axis of a file, None without one.
@@ -35,15 +42,15 @@ class ModelFile:
         if not config.model:
             if config.left_out:
                 raise InputError("left_out", f"{', '.join(config.left_out)} without a model", "parameter model")
-            self._name = ""
+            self._name, self._file = "", None
             return None
-        axis = self._axis
-        if axis is None or config.model != self._name:
-            axis = axis_file(config.model).axis
-        check_model(axis, file.axis)
-        check_names(axis, config.left_out)
-        self._name, self._axis = config.model, axis
-        return axis
+        known = self._file
+        if known is None or config.model != self._name:
+            known = axis_file(config.model)
+        check_model(known.axis, file.axis)
+        check_names(known.axis, config.left_out)
+        self._name, self._file = config.model, known
+        return known.axis
 
 
 class MeasuredMotion:

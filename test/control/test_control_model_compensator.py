@@ -148,7 +148,7 @@ def test_what_is_not_measured_leaves_and_comes_back() -> None:
     warm = item("temperature_dependent_friction", dry=0.02)
     windy = item("wind_torque", "wind", coefficient=1.0)
     model = ModelCompensator(BARE.with_effect(warm).with_effect(windy), DT, CancellationConfig(entry_time=0.0), ("wind",))
-    assert model.needs == {"temperature_dependent_friction": "temperature", "wind_torque": "wind"}
+    assert model.needs == {"temperature_dependent_friction": ("temperature",), "wind_torque": ("wind",)}
 
     def friction(temperature: float) -> float:
         return [model.step(0.0, 0.0, 0.01, 0.0, temperature) for _ in range(3000)][-1] - 5.72

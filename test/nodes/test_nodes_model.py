@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import Temperature
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import Float64
 
 from tcs_friction.config import AxisFile, load_axis, save_axis
+from tcs_friction.control.model_compensator import ModelCompensator
 from tcs_friction.nodes.wire import REFERENCE, TORQUE
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
+from tcs_friction.recording.signals import SignalMap, SignalSource
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 PERIOD_NS = 1_000_000
@@ -143,3 +146,73 @@ def test_lock_step_waits_for_the_temperature_that_a_model_needs(together: Callab
     assert asked.node._message
     assert asked.node.missing() == ""
     assert asked.torques(3000)[-1] == pytest.approx(1.2 * 78.1 + 5.72, rel=0.02)
+
+
+def windy(path: Path, topic: str = "/wind", field: str = "data", joint: str | None = None) -> str:
+    """A model with a torque of 2 N m for a wind of 1 (m/s)^2, and where the wind is measured."""
+    file = load_axis(Path(written(path, {"wind_torque": {"coefficient": 2.0}})))
+    place = SignalSource(f"{topic}_state", "position")
+    signals = SignalMap(place, SignalSource(f"{topic}_state", "effort"), exogenous={"wind": SignalSource(topic, field, joint)})
+    save_axis(path, replace(file, signals=signals))
+    return str(path)
+
+
+def test_a_signal_is_heard_on_the_topic_that_the_model_names_and_leaves_when_it_is_old(
+    together: Callable[..., Any], tmp_path: Path
+) -> None:
+    path = windy(tmp_path / "model.yaml")
+    asked = Asked(together, "clock:=real_time", "signal_age:=0.5", "ramp_time:=0.0", "entry_time:=0.0", f"model:={path}")
+    node, graph = asked.node, asked.graph
+    assert "wind_torque (no wind)" in node.health.warning
+    wind = graph.driver.create_publisher(Float64, "/wind", 10)
+
+    def hears() -> bool:
+        wind.publish(Float64(data=3.0))
+        node._watch(time.monotonic())
+        return bool(node._signals.heard("wind"))
+
+    assert graph.until(hears)
+    node.health.forget_events()
+    assert "wind_torque" not in node.health.warning
+    assert node._signals.values(["wind"])[0] == 3.0
+    node._model.reset()
+    calm = ModelCompensator(load_axis(Path(path)).axis, 1e-3, signals=("wind",))
+    still = calm.step(0.0, 0.0, SPEED, 0.0)
+    assert node._source.step(0.0, 0.0, SPEED, 0.0, 20.0) == pytest.approx(still + 18.0)
+    wind.publish(Float64(data=float("nan")))
+    assert graph.until(lambda: node.health.refused == 1)
+    assert node._signals.values(["wind"])[0] == 3.0
+    time.sleep(0.55)
+    node._watch(time.monotonic())
+    assert "wind_torque (no wind)" in node.health.warning
+
+
+def test_a_signal_of_another_joint_has_the_rate_between_its_stamps(together: Callable[..., Any], tmp_path: Path) -> None:
+    path = windy(tmp_path / "model.yaml", "/others", "velocity", "elevation")
+    asked = Asked(together, f"model:={path}")
+    node, graph = asked.node, asked.graph
+    asked.node._on_reference(REFERENCE.write(0, 0.0, SPEED, 0.0))
+    assert (node._message, node.missing()) == (b"", "wind"), "in lock-step a run begins when all has come"
+    states = graph.driver.create_publisher(JointState, "/others", 10)
+
+    def say(nanoseconds: int, speed: float, names: tuple[str, ...] = ("focus", "elevation")) -> None:
+        message = JointState(name=list(names), position=[0.0] * len(names), velocity=[7.0, speed][-len(names) :])
+        message.header.stamp.nanosec = nanoseconds
+        states.publish(message)
+
+    node._signals.look()
+
+    def hears() -> bool:
+        node._signals.look()
+        say(1_000_000, 1.0)
+        return bool(node._signals.heard("wind"))
+
+    assert graph.until(hears)
+    assert node._message, "the reference that waited was answered"
+    say(11_000_000, 1.5)
+    assert graph.until(lambda: node._signals.values(["wind"]) == pytest.approx([1.5, 50.0]))
+    say(12_000_000, 9.0, ("focus",))
+    assert graph.until(lambda: node.health.refused > 0)
+    assert node._signals.values(["wind"])[0] == 1.5
+    asked.set(model="")
+    assert node._signals._subscriptions == {}
