@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where = "where it goes (default: %(default)s)"
     parser.add_argument("-o", "--output", type=output_directory, default="demo", metavar="DIR", help=where)
     parser.add_argument("--axis", default="azimuth_geared.yaml", help="axis file (default: %(default)s)")
-    parser.add_argument("--reference", default="azimuth_1p2m_run.yaml", help="tracking run (default: %(default)s)")
+    parser.add_argument("--reference", default="azimuth_geared_run.yaml", help="tracking run (default: %(default)s)")
     parser.add_argument("--processes", action="store_true", help="one process for each node")
     parser.add_argument("--seed", type=int, default=0, help="of noise and search (default 0)")
     parser.add_argument("--json", action="store_true", help="print commission.json")

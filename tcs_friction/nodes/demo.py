@@ -25,7 +25,7 @@ from tcs_friction.report.commission import CommissionResult
 NODES = (*graph.LOOP, "identifier", "diagnoser")
 """Besides commission itself."""
 SETTINGS = {
-    "diagnose_file": "azimuth_1p2m_diagnose.yaml",
+    "diagnose_file": "azimuth_geared_diagnose.yaml",
     "diagnoses": 1,
     "trials": 1,
     "listen": False,

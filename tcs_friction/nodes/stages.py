@@ -77,10 +77,18 @@ class Steps:
         """Whether the goal is to be given up."""
         return self._progress.cancelled.is_set()
 
-    def tell(self, share: float, stage: str) -> None:
-        """Raises JobError when the goal has been cancelled."""
+    def begin(self, stage: str) -> None:
+        """A stage begins: shown, not yet told. Raises JobError when the goal has been cancelled."""
+        self._give_up_if_cancelled()
+        self._show(stage)
+
+    def _give_up_if_cancelled(self) -> None:
         if self.cancelled:
             raise JobError("commission", "was cancelled")
+
+    def tell(self, share: float, stage: str) -> None:
+        """Raises JobError when the goal has been cancelled."""
+        self._give_up_if_cancelled()
         self.share(share, stage)
 
     def share(self, share: float, stage: str) -> None:
@@ -118,7 +126,7 @@ class Stages:
         A run that has been made is not made again. noise: a simulated plant's noise differs between runs with another number.
         heard_for: the stage that another node makes of what it hears of this run; without that stage the run is made again.
         """
-        self.steps.tell(0.0, words)
+        self.steps.begin(words)
         if name in self.runs or await self._read_back(name, heard_for):
             self.steps.done()
             return self.runs[name]

@@ -70,7 +70,7 @@ def test_what_cannot_be_done_is_said_before_the_first_run(
     refused("used: holds something already", "used")
     refused("file/below: cannot be made", "file/below")
     refused("at most 100", repetitions=4_000_000_000)
-    refused("service lugre_compensator/get_parameters: not there")
+    refused("identifier: not there within 0.3 s, expected the node to run")
     assert not stages
 
 

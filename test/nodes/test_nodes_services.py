@@ -102,7 +102,7 @@ def test_an_exception_in_a_service_is_an_answer(together: Callable[..., Any], mo
     async def broken(*_: Any) -> None:
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr(graph["commission"]._modes, "set", broken)
+    monkeypatch.setattr(graph["commission"]._tools.modes, "set", broken)
     client = graph.driver.create_client(SetMode, "set_mode")
     assert graph.until(client.service_is_ready)
     future = client.call_async(SetMode.Request(mode=1))
