@@ -14,6 +14,7 @@ from tcs_friction.errors import InputError, JobError, TcsError, nearest, refusal
 from tcs_friction.interrupts import interruptible
 
 COMMANDS = {
+    "new": "a first axis file from a recording alone",
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
     "node": "run one node",
     "graph": "run the whole graph",

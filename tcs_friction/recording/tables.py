@@ -35,16 +35,24 @@ NAMES = {
 }
 """What a column of a spreadsheet may be called, in any case, with the unit in brackets or behind an underscore."""
 
+TORQUE_WORDS = (*NAMES["torque"], "thrust", "current", "iq", "voltage")
+"""Last words of a column's name that say a torque where no column is called just so: `Motor force`, `q-axis current`."""
+
 LONGEST = 1e9  # s, thirty years; times that are farther apart are in another unit
 _HEAD = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A table as a recording, with the signals block under which a bag will hold it."""
+    """A table as a recording, with the signals block under which a bag will hold it.
+
+    kind: of the axis, None where the units do not tell. torque_unit: as the column's name has it, "" for none.
+    """
 
     recording: Recording
     signals: SignalMap
+    kind: str | None = None
+    torque_unit: str = ""
 
 
 def export_table(recording: Recording, path: Path, kind: str = "rotary") -> None:
@@ -111,7 +119,8 @@ def import_table(
         signals = default_signals(joint, tuple(values), tuple(others))
     elif unused := [name for name in others if name not in signals.exogenous]:
         notes.append(f"not among the axis file's exogenous signals, left out: {', '.join(unused)}")
-    return Imported(_recording(path, values, others, signals, notes), signals)
+    torque_unit = next(item.unit for item in named if item.signal == "torque")
+    return Imported(_recording(path, values, others, signals, notes), signals, kind or units.kind_of(named), torque_unit)
 
 
 def _others(columns: Mapping[str, Column], roles: Mapping[str, str], where: str) -> dict[str, Column]:
@@ -189,6 +198,12 @@ def _roles(columns: Mapping[str, Column], chosen: Mapping[str, str], where: str,
             raise InputError(where, found, f"one, or --column {name}=COLUMN")
         elif matches:
             roles[name] = matches[0]
+    if "torque" not in roles:
+        likely = [column for column in columns if column not in roles.values() and _ends_as_torque(column)]
+        if len(likely) > 1:
+            found = f"{len(likely)} columns that may be the torque: {' and '.join(map(repr, likely))}"
+            raise InputError(where, found, "one, or --column torque=COLUMN")
+        roles.update(("torque", column) for column in likely)
     for name in ("time", *REQUIRED):
         if name not in roles:
             expected = f"a column of that name, or --column {name}=COLUMN with one of {', '.join(columns)}"
@@ -199,6 +214,11 @@ def _roles(columns: Mapping[str, Column], chosen: Mapping[str, str], where: str,
 def _signal(column: str) -> str | None:
     """The signal that a column's name says, None if it says none."""
     return next((name for name, words in NAMES.items() if _split(column)[0] in words), None)
+
+
+def _ends_as_torque(column: str) -> bool:
+    words = re.split(r"[\s_]+", _split(column)[0])
+    return words[-1] in TORQUE_WORDS and not any(wanted in words for wanted in NAMES["reference"])
 
 
 def _split(column: str) -> tuple[str, str]:

@@ -29,10 +29,12 @@ RADIANS_PER_SECOND = _scaled(
     rad_per_s=1.0, mrad_per_s=1e-3, deg_per_s=np.pi / 180, arcsec_per_s=np.pi / 648000, rev_per_s=2 * np.pi,
     rpm=np.pi / 30, rev_per_min=np.pi / 30,
 )  # fmt: skip
-NEWTON_METRES = _scaled(Nm=1.0, mNm=1e-3, kNm=1e3)
+DRIVE = _scaled(A=1.0, mA=1e-3, V=1.0, mV=1e-3)
+"""Of a drive whose torque is known up to a constant: current, voltage. Everything that has torque in it is then in such units."""
+NEWTON_METRES = _scaled(Nm=1.0, mNm=1e-3, kNm=1e3) | DRIVE
 METRES = _scaled(m=1.0, mm=1e-3, um=1e-6)
 METRES_PER_SECOND = _scaled(m_per_s=1.0, mm_per_s=1e-3, um_per_s=1e-6)
-NEWTONS = _scaled(N=1.0, mN=1e-3, kN=1e3)
+NEWTONS = _scaled(N=1.0, mN=1e-3, kN=1e3) | DRIVE
 CELSIUS = {"degC": (1.0, 0.0), "C": (1.0, 0.0), "K": (1.0, -KELVIN), "degF": (5 / 9, -160 / 9)}
 
 ANY_KIND = {"time": SECONDS, "temperature": CELSIUS}
@@ -88,6 +90,13 @@ def conversions(columns: Sequence[Named], where: str, kind: str | None) -> dict[
     units = KINDS[kinds[0]]
     found = {item.signal: units[item.signal][str(_known(item.unit, units[item.signal]))] for item in with_unit}
     return {item.signal: found.get(item.signal, (1.0, 0.0)) for item in columns}
+
+
+def kind_of(columns: Sequence[Named]) -> str | None:
+    """The kind of axis that the units of some signals belong to, None where they fit both."""
+    told = [one for one in columns if one.unit not in WITHOUT]
+    fitting = [kind for kind, known in KINDS.items() if all(_known(one.unit, known[one.signal]) for one in told)]
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def converted(values: Column, conversion: Conversion) -> Column:

@@ -103,9 +103,12 @@ def step_of(position: np.ndarray) -> float:
     values = np.unique(position)
     steps = np.diff(values)
     steps = steps[steps > SAME_POSITION * (values[-1] - values[0])]
-    multiples = steps / steps.min()
+    if not len(steps):
+        return 0.0
+    step = float(np.quantile(steps, 1.0 - MOST_WHOLE, method="lower"))  # a few may be off: a log's first value, say
+    multiples = steps / step
     whole = np.abs(multiples - np.round(multiples)) < UNEVEN
-    return float(steps.min()) if np.mean(whole) > MOST_WHOLE else 0.0
+    return step if np.mean(whole) > MOST_WHOLE else 0.0
 
 
 def visible_step(positions: Sequence[np.ndarray], noise: float) -> float:

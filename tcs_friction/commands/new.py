@@ -1,0 +1,187 @@
+"""Write a first axis file from a recording alone: signals proposed, inertia and friction fitted with no guess.
+
+Takes a bag, or a table (.csv, .parquet; `./tcs bag import` makes the bag that the file then describes). Every value says how sure
+it is and where it comes from. Look at the file before a loop is closed with it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from tcs_friction.commands.notes import tell_notes
+from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.config import axis_file_mapping, write_whole
+from tcs_friction.errors import InputError, nearest
+from tcs_friction.identify.first_axis import FirstAxis, first_axis
+from tcs_friction.identify.pso_ga import Generation
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.info import bag_info
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap
+from tcs_friction.recording.tables import import_table
+from tcs_friction.writable import output_file
+
+TABLES = (".csv", ".parquet")
+LINEAR_WORDS = ("linear", "slide", "carriage", "gantry", "prismatic", "stage", "force", "thrust", "rail", "ballscrew")
+"""In the name of a joint, topic or field: an axis that moves along a line."""
+FULL_TURN = 2.0 * np.pi
+DIGITS = 6
+WIDTH = 60  # column at which comments begin, where the values leave room
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    add = parser.add_argument
+    add("recordings", nargs="+", type=Path, metavar="BAG_OR_CSV", help="recordings of one axis under one controller")
+    add("-o", "--output", required=True, type=output_file, metavar="AXIS.yaml", help="where the axis file goes")
+    add("--name", help="of the axis (default: its joint's name, or the file's)")
+    add("--kind", choices=("rotary", "linear"), help="of the axis (default: told from units, names and travel)")
+    add("--joint", help="which joint of the bag (default: the first); of a table, what to call it")
+    add("--column", action="append", default=[], metavar="SIGNAL=COLUMN", help="of a table: the column of a signal")
+    add("--force", action="store_true", help="replace an existing file")
+    add("--json", action="store_true", help="print what was found as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Fit, write, say what to look at."""
+    never_over_an_input([arguments.output], arguments.recordings)
+    if arguments.output.exists() and not arguments.force:
+        raise InputError(str(arguments.output), "exists already", "a new file, or --force")
+    recordings, signals, kind, unit = _read(arguments)
+    name = arguments.name or signals.position.joint or arguments.recordings[0].stem
+    if kind is None:
+        kind, why = _kind(recordings, signals)
+    else:
+        why = "as asked for" if arguments.kind else "by the units"
+    found = first_axis(recordings, name, kind, signals, _progress if sys.stderr.isatty() else _silent)
+    if sys.stderr.isatty():
+        print("\r\033[K", end="", file=sys.stderr)
+    reasons = {("axis", "kind"): why, **found.reasons}
+    if unit and unit not in ("Nm", "N"):
+        reasons["signals", "torque"] = f"recorded in {unit}: everything that has torque in it is in units of that"
+    sources = ", ".join(map(str, arguments.recordings))
+    heading = [f"Made by tcs-friction from {sources}. Look at it before a loop is closed with it."]
+    heading += [f"Doubtful: {line}." for line in found.doubts]
+    write_whole(arguments.output, text_of(axis_file_mapping(found.file), reasons, heading))
+    tell_notes(recordings)
+    _tell(arguments, found, why)
+
+
+def _read(arguments: argparse.Namespace) -> tuple[Sequence[Recording], SignalMap, str | None, str]:
+    """Recordings, their signals, the kind of axis and the torque's unit as far as they are told."""
+    tables = [path.suffix.lower() in TABLES for path in arguments.recordings]
+    if any(tables) and not all(tables):
+        raise InputError("recordings", "bags and tables together", "bags, or tables")
+    if all(tables):
+        chosen = dict(_pair(word) for word in arguments.column)
+        imported = [import_table(path, arguments.joint or "axis", chosen, kind=arguments.kind) for path in arguments.recordings]
+        first = imported[0]
+        return [one.recording for one in imported], first.signals, arguments.kind or first.kind, first.torque_unit
+    if arguments.column:
+        raise InputError("--column", "given for a bag", "a table")
+    proposal = bag_info(arguments.recordings[0]).signals
+    if not {"position", "torque"} <= set(proposal):
+        lacking = " and ".join(name for name in ("position", "torque") if name not in proposal)
+        where = str(arguments.recordings[0])
+        raise InputError(where, f"nothing in it looks like {lacking} of an axis", "a signals block of your own (./tcs bag info)")
+    signals = SignalMap.from_mapping(_of_joint(proposal, arguments), str(arguments.recordings[0]))
+    return read_recordings(arguments.recordings, signals), signals, arguments.kind, ""
+
+
+def _pair(word: str) -> tuple[str, str]:
+    signal, separator, column = word.partition("=")
+    if not separator:
+        raise InputError("--column", repr(word), "SIGNAL=COLUMN")
+    return signal, column
+
+
+def _of_joint(proposal: Mapping[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
+    """The proposal for another joint than the first, where one is asked for."""
+    block = {name: dict(entry) for name, entry in proposal.items()}
+    asked, first = arguments.joint, block["position"].get("joint")
+    if asked is None or asked == first:
+        return block
+    others = {name.removesuffix("_velocity"): name for name in block.get("exogenous", {}) if name.endswith("_velocity")}
+    if asked not in others:
+        raise InputError("--joint", f"no joint {asked!r}", nearest(asked, [*([first] if first else []), *others]))
+    for name in ("position", "velocity", "torque"):
+        if name in block and block[name].get("joint") == first:
+            block[name]["joint"] = asked
+    exogenous = block.pop("exogenous")
+    del exogenous[others[asked]]
+    if "velocity" in block:
+        exogenous[f"{first}_velocity"] = {**block["velocity"], "joint": first}
+    return block | ({"exogenous": exogenous} if exogenous else {})
+
+
+def _kind(recordings: Sequence[Recording], signals: SignalMap) -> tuple[str, str]:
+    """Rotary or linear, and why; a position alone does not tell."""
+    for source in (signals.position, signals.torque):
+        for text in (source.joint or "", source.topic, source.field):
+            word = next((word for word in LINEAR_WORDS if word in text.lower()), None)
+            if word is not None:
+                return "linear", f"{text!r} says so"
+    travel = max(float(np.ptp(one.position)) for one in recordings)
+    if travel > FULL_TURN:
+        return "rotary", f"it travels {travel:.3g}, more than a turn"
+    return "rotary", f"nothing says so: it travels {travel:.3g}; --kind linear if that is in metres"
+
+
+def text_of(content: Mapping[str, Any], reasons: Mapping[tuple[str, ...], str], heading: Sequence[str]) -> str:
+    """An axis file as YAML, with each reason as a comment behind the line that it is about.
+
+    >>> print(text_of({"axis": {"inertia": 2.0}}, {("axis", "inertia"): "± 0.1 kg m^2"}, ["First."]), end="")
+    # First.
+    axis:
+      inertia: 2.0                                             # ± 0.1 kg m^2
+    """
+    lines = [f"# {line}" for line in heading]
+    path: list[str] = []
+    for line in yaml.safe_dump(_rounded(dict(content)), sort_keys=False, width=110).splitlines():
+        match = re.match(r"( *)(\w+):", line)
+        if match is not None:
+            path = [*path[: len(match[1]) // 2], match[2]]
+            reason = reasons.get(tuple(path))
+            if reason:
+                line = f"{line.ljust(WIDTH - 1)} # {reason}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers with the digits that a person reads."""
+    if isinstance(value, Mapping):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def _silent(_: Generation) -> None:
+    """No progress into a pipe."""
+
+
+def _progress(generation: Generation) -> None:
+    print(f"\r\033[K{100.0 * generation.share:3.0f} % of a law", end="", file=sys.stderr, flush=True)
+
+
+def _tell(arguments: argparse.Namespace, found: FirstAxis, why: str) -> None:
+    axis = found.file.axis
+    if arguments.json:
+        content = {"file": str(arguments.output), "axis": axis.name, "kind": axis.kind, "inertia": axis.inertia}
+        content |= {"law": axis.friction.term.id, "laws": found.comparison.to_mapping(), "doubts": list(found.doubts)}
+        print(json.dumps(content, allow_nan=False))
+        return
+    unit = "kg m^2" if axis.kind == "rotary" else "kg"
+    print(f"{arguments.output}: {axis.kind} axis {axis.name} ({why}), {axis.inertia:.4g} {unit}, {axis.friction.term.id}")
+    for line in found.doubts:
+        print(f"  doubtful: {line}")

@@ -1,0 +1,226 @@
+"""The first axis file, from recordings alone: nothing is believed, everything is fitted or measured, and says where it is from.
+
+Torque is J a + friction + a constant, and gravity where a rotary axis shows it. Of a torque with the wrong sign the friction
+would give power to the motion; then the sign is turned over. Laws are compared on samples that no fit has seen; a law with fewer
+parameters is preferred while it errs no more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tcs_friction.config import AxisFile, Control, default_control
+from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
+from tcs_friction.diagnose.dataset.bands import choose_cutoff, step_of
+from tcs_friction.errors import InputError
+from tcs_friction.identify.comparison import Comparison, compare_laws
+from tcs_friction.identify.identification import identified_axis
+from tcs_friction.identify.motion import Motion, prepare
+from tcs_friction.identify.pso_ga import Generation
+from tcs_friction.identify.result import Estimate, Identification
+from tcs_friction.physics.axis import Axis, Drive, Sensors
+from tcs_friction.physics.registry import effect, law
+from tcs_friction.physics.terms import instance
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap
+
+LAWS = ("coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre")
+"""Tried in this order, from few parameters to many."""
+AS_GOOD = 0.02  # of the held-out residual: a law with more parameters has to err less by more
+LIKELY_TURNED = 3.0  # standard errors by which friction that drives the motion tells that the torque's sign is turned over
+HEADROOM = 1.2  # times the fastest motion recorded, that the controller may ask for
+WITHOUT_GRAVITY = ("inertia", "coulomb", "viscous", "offset")
+LEAST_SWING = 0.5  # rad of travel, over which gravity is not a straight line
+CLEARLY = 10.0  # by which Bayes' information criterion has to be better: very strong evidence (Kass & Raftery 1995)
+FEWEST = 8.0  # independent samples at least
+BRISTLE = 1e-4  # of the travel, over which bristles bend where the law has none
+LEAST_SHARE = 1e-9  # of the largest torque: friction so small stands for none
+
+Path = tuple[str, ...]
+"""Keys down to a value in an axis file."""
+
+
+@dataclass(frozen=True)
+class FirstAxis:
+    """An axis file that nobody wrote, why each value is what it is (by its path), and what a person should look at.
+
+    turned: the recorded torque acts against the position's sign; the file's scale turns it over.
+    """
+
+    file: AxisFile
+    reasons: Mapping[Path, str]
+    doubts: tuple[str, ...]
+    comparison: Comparison
+    turned: bool
+
+
+def first_axis(
+    recordings: Sequence[Recording],
+    name: str,
+    kind: str,
+    signals: SignalMap,
+    progress: Callable[[Generation], None] = lambda _: None,
+) -> FirstAxis:
+    """Fit a first axis file to recordings, one data set with common physics.
+
+    Raises InputError when the axis never moves, or no torque is ever applied.
+    """
+    motion = prepare(recordings)
+    if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
+        raise InputError(recordings[0].source, "the axis never moves", "a recording of motion")
+    largest = max(float(np.abs(one.torque).max()) for one in recordings)
+    if not largest > 0.0:
+        raise InputError(recordings[0].source, "no torque is ever applied", "a recording of a driven axis")
+    heavy = _shows_gravity(motion, kind)
+    turned = _turned(motion, heavy)
+    if turned:
+        recordings = [replace(one, torque=-one.torque) for one in recordings]
+        signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
+    start = _balance(motion, -1.0 if turned else 1.0, heavy)[0]
+    guess = _axis(name, kind, start, largest)
+    comparison = compare_laws(recordings, guess, progress=progress, names=LAWS)
+    found = _plainest(comparison)
+    axis = replace(identified_axis(guess, found), name=name)
+    noise, step = _encoder(recordings)
+    axis = replace(axis, sensors=replace(Sensors(), noise=noise, resolution=step), drive=replace(Drive(), limit=largest))
+    axis = replace(axis, inertia=float(axis.inertia) if axis.inertia > 0.0 else guess.inertia)
+    fastest = float(np.abs(motion.velocity).max())
+    control = _cautious(axis, fastest, float(np.ptp(motion.position)))
+    return FirstAxis(
+        AxisFile(axis, signals, control),
+        _reasons(axis, found, comparison, recordings, fastest, turned),
+        _doubts(found, turned),
+        comparison,
+        turned,
+    )
+
+
+def _axis(name: str, kind: str, balance: np.ndarray, largest: float) -> Axis:
+    """What a search starts from: the values of `_balance`."""
+    coulomb = float(max(abs(balance[1]), LEAST_SHARE * largest))
+    friction = instance(law("coulomb_viscous"), {"coulomb": coulomb, "viscous": 0.0})
+    effects = []
+    if len(balance) > len(WITHOUT_GRAVITY):
+        sine, cosine = map(float, balance[-2:])
+        effects.append(instance(effect("imbalance"), {"amplitude": math.hypot(sine, cosine), "phase": math.atan2(cosine, sine)}))
+    return Axis(name, float(abs(balance[0])) or largest, friction, tuple(effects), kind)
+
+
+def _balance(motion: Motion, sign: float, gravity: bool = False) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least squares of torque = J a + c sign(v) + b v + o, with gravity + g sin(q) + h cos(q), where the axis moves.
+
+    Returns values and standard errors, (4,) or (6,), and Bayes' information criterion.
+    """
+    moving = np.abs(motion.velocity) > motion.resolution
+    v, a, q = motion.velocity[moving], motion.acceleration[moving], motion.position[moving]
+    columns = np.column_stack([a, np.sign(v), v, np.ones(len(v)), *([np.sin(q), np.cos(q)] if gravity else [])])
+    size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    torque = sign * motion.torque[moving]
+    values, *_ = np.linalg.lstsq(columns / size, torque, rcond=None)
+    residual = torque - columns / size @ values
+    gram = np.linalg.pinv((columns / size).T @ (columns / size))
+    slow = 2.0 * motion.bandwidth / motion.rate if motion.bandwidth else 1.0
+    independent = max(len(torque) * min(slow, 1.0), FEWEST)
+    power = max(float(np.mean(residual**2)), 1e-300)
+    spread = np.sqrt(np.diag(gram) * power * len(torque) / independent)
+    criterion = independent * math.log(power) + len(values) * math.log(independent)
+    return values / size, np.asarray(spread / size), criterion
+
+
+def _turned(motion: Motion, gravity: bool) -> bool:
+    """Whether inertia and friction both come out negative, or one clearly so while the other does not speak against it."""
+    values, spread, _ = _balance(motion, 1.0, gravity)
+    scores = values[:2] / np.maximum(spread[:2], 1e-300)
+    return bool(scores.min() < -LIKELY_TURNED and scores.max() < LIKELY_TURNED)
+
+
+def _shows_gravity(motion: Motion, kind: str) -> bool:
+    """Whether a rotary axis covers enough of a turn and gravity earns its two numbers."""
+    if kind != "rotary" or np.ptp(motion.position) < LEAST_SWING:
+        return False
+    return _balance(motion, 1.0, gravity=True)[2] < _balance(motion, 1.0)[2] - CLEARLY
+
+
+def _plainest(comparison: Comparison) -> Identification:
+    """The first law in LAWS that errs as little on held-out samples as the best, but for AS_GOOD."""
+    least = comparison.rows[0].held_out
+    rows = {row.law: row for row in comparison.rows}
+    return next(comparison.found[name] for name in LAWS if name in rows and rows[name].held_out <= (1.0 + AS_GOOD) * least)
+
+
+def _encoder(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Noise (rad rms) and step (rad) of the position, as far as they show."""
+    noises = [choose_cutoff(one.position, float(np.median(np.diff(one.t))))[1] for one in recordings]
+    return float(np.median(noises)), float(max(step_of(one.position) for one in recordings))
+
+
+def _cautious(axis: Axis, fastest: float, travel: float) -> Control:
+    control = default_control(axis)
+    values = axis.friction.values
+    coulomb = values["coulomb"]
+    stiffness = values.get("stiffness", coulomb / (BRISTLE * travel))
+    friction = LugreParameters(
+        coulomb=coulomb,
+        static=max(values.get("static", coulomb), coulomb),
+        stribeck_velocity=values.get("stribeck_velocity", BRISTLE * fastest),
+        stiffness=stiffness,
+        damping=values.get("damping", 2.0 * math.sqrt(stiffness * axis.inertia)),
+        viscous=values.get("viscous", 0.0),
+    )
+    return replace(
+        control,
+        controller=replace(control.controller, velocity_limit=HEADROOM * fastest),
+        compensator=CompensatorConfig(friction, friction),
+    )
+
+
+def _reasons(
+    axis: Axis, found: Identification, comparison: Comparison, recordings: Sequence[Recording], fastest: float, turned: bool
+) -> dict[Path, str]:
+    rotary = axis.kind == "rotary"
+    rows = ", ".join(f"{row.law} {row.held_out:.3g}" for row in comparison.rows)
+    unit, length = ("N m", "rad") if rotary else ("N", "m")
+    reasons: dict[Path, str] = {
+        ("axis", "kind"): "",
+        ("axis", "inertia"): _estimated(found.inertia),
+        ("axis", "friction", "law"): f"held-out residual of each: {rows} {unit}",
+        ("axis", "sensors", "noise"): f"{length} rms, from the position's spectrum where nothing moves",
+        ("axis", "sensors", "resolution"): f"{length}, of which all positions are multiples",
+        ("axis", "drive", "limit"): f"{unit}, the largest recorded: whether it can do more is not known",
+        ("control", "controller", "velocity_limit"): f"{length}/s, {HEADROOM:g} times the fastest recorded ({fastest:.3g})",
+        ("control", "controller", "torque_limit"): f"{unit}, as the drive's",
+        ("control", "controller", "position_proportional"): "1/s, cautious: the position loop crosses over at 3 Hz",
+        ("control", "controller", "velocity_proportional"): "60 times the inertia: the speed loop crosses over at 10 Hz",
+        ("control", "controller", "velocity_integral"): "1000 times the inertia",
+        ("control", "controller", "inertia_feedforward"): "the inertia above",
+        ("control", "compensator"): "the friction above, as LuGre's; `./tcs identify --law lugre` fits it",
+        ("signals", "torque", "scale"): "turned over: friction would drive the motion otherwise" if turned else "",
+    }
+    for name, estimate in found.parameters.items():
+        reasons["axis", "friction", name] = _estimated(estimate)
+    seconds = sum(one.duration for one in recordings)
+    reasons["axis",] = f"from {seconds:.4g} s in {', '.join(one.source for one in recordings)}"
+    return {path: text for path, text in reasons.items() if text}
+
+
+def _estimated(estimate: Estimate) -> str:
+    if not estimate.determined:
+        return f"{estimate.unit}, not determined: {estimate.reason}".lstrip(", ")
+    spread = f"± {estimate.std:.2g} " if math.isfinite(estimate.std) else ""
+    return f"{spread}{estimate.unit}".strip()
+
+
+def _doubts(found: Identification, turned: bool) -> tuple[str, ...]:
+    lines = []
+    if not found.inertia.determined:
+        lines.append("the inertia, and with it the controller's gains, is not determined: record quicker motion first")
+    lacking = [name for name, one in found.parameters.items() if not one.determined]
+    if lacking:
+        lines.append(f"not determined by this motion: {', '.join(lacking)} of {found.law}")
+    if turned:
+        lines.append("the recorded torque was turned over, since friction and inertia came out negative")
+    return tuple(lines)

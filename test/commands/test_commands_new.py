@@ -1,0 +1,159 @@
+"""./tcs new: a first axis file from a recording alone, and what it says of every value."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tcs_friction.cli import main
+from tcs_friction.commands.new import text_of
+from tcs_friction.config import load_axis, shipped
+from tcs_friction.control.loop import LoopRun, simulate_loop
+from tcs_friction.control.reference import reference_from_mapping
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.recording.write import write_recording
+
+MOTION = {"kind": "multisine", "velocity_amplitude": 0.01, "lowest_frequency": 0.05, "frequency_step": 0.07, "components": 4}
+
+
+@pytest.fixture(scope="module")
+def run() -> LoopRun:
+    """The shipped telescope without effects, over several speeds both ways."""
+    file = load_axis(shipped("azimuth_1p2m.yaml"))
+    reference = reference_from_mapping({**MOTION, "duration": 30.0}, "motion")
+    assert file.control is not None
+    loop = replace(file.control.loop, compensation="none")
+    return simulate_loop(replace(file.axis, effects=(), actuation_delay=0.0), reference, file.control.controller, loop)
+
+
+def bag(path: Path, run: LoopRun, joint: str = "azimuth", sign: float = 1.0) -> Path:
+    place = "/mount/joint_states"
+    signals = SignalMap(
+        SignalSource(place, "position", joint), SignalSource(place, "effort", joint), SignalSource(place, "velocity", joint)
+    )
+    write_recording(path, Recording(run.t, run.position, sign * run.torque, velocity=run.velocity), signals)
+    return path
+
+
+def test_a_telescope_is_known_from_its_bag(
+    run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "axis.yaml"
+    assert main(["new", str(bag(tmp_path / "bag", run)), "-o", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["kind"] == "rotary"
+    file = load_axis(path)
+    axis = file.axis
+    assert (axis.name, axis.friction.term.id) == ("azimuth", told["law"])
+    assert axis.inertia == pytest.approx(1000.0, rel=0.03)
+    assert axis.friction.values["coulomb"] == pytest.approx(78.1, rel=0.05)
+    assert axis.sensors.noise == pytest.approx(4.8e-8, rel=0.1)
+    assert axis.sensors.resolution == pytest.approx(2.42e-8, rel=0.01)
+    assert axis.drive.limit == pytest.approx(np.abs(run.torque).max(), rel=1e-4)
+    assert file.signals is not None
+    assert file.signals.torque == SignalSource("/mount/joint_states", "effort", "azimuth")
+    assert file.control is not None
+    assert file.control.controller.inertia_feedforward == axis.inertia
+    assert file.control.compensator.positive.coulomb == axis.friction.values["coulomb"]
+    assert file.control.controller.velocity_limit == pytest.approx(1.2 * np.abs(run.velocity).max(), rel=0.02)
+    text = path.read_text()
+    inertia = next(line for line in text.splitlines() if line.strip().startswith("inertia:"))
+    assert "# ± " in inertia
+    assert "held-out residual of each: " in text
+
+
+def test_a_torque_of_the_other_sign_is_turned_over(run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "axis.yaml"
+    assert main(["new", str(bag(tmp_path / "bag", run, sign=-1.0)), "-o", str(path)]) == 0
+    assert "doubtful: the recorded torque was turned over" in capsys.readouterr().out
+    file = load_axis(path)
+    assert file.axis.inertia == pytest.approx(1000.0, rel=0.03)
+    assert file.signals is not None
+    assert file.signals.torque.scale == -1.0
+    assert "# Doubtful: the recorded torque was turned over" in path.read_text()
+
+
+def test_a_table_says_by_its_units_that_an_axis_is_linear(run: LoopRun, tmp_path: Path) -> None:
+    table, path = tmp_path / "slide.csv", tmp_path / "slide.yaml"
+    with table.open("w", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time [s]", "Position [mm]", "Motor force [N]"])
+        rows.writerows(zip(run.t[::2], 1e3 * run.position[::2], run.torque[::2], strict=True))
+    assert main(["new", str(table), "-o", str(path), "--name", "slide", "--joint", "carriage"]) == 0
+    axis = load_axis(path).axis
+    assert (axis.name, axis.kind) == ("slide", "linear")
+    assert axis.inertia == pytest.approx(1000.0, rel=0.03)
+    assert "# by the units" in path.read_text()
+
+
+def test_a_joints_name_says_that_an_axis_is_linear_and_another_joint_can_be_asked_for(run: LoopRun, tmp_path: Path) -> None:
+    recorded = bag(tmp_path / "bag", run, joint="focus_stage")
+    assert main(["new", str(recorded), "-o", str(tmp_path / "axis.yaml")]) == 0
+    assert load_axis(tmp_path / "axis.yaml").axis.kind == "linear"
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["BAG", "--joint", "altitude"], "--joint: no joint 'altitude', expected one of azimuth"),
+        (["BAG", "--column", "torque=u"], "--column: given for a bag, expected a table"),
+        (["BAG", "BAG.csv"], "recordings: bags and tables together, expected bags, or tables"),
+        (["missing"], "missing: does not exist"),
+    ],
+)
+def test_bad_input_is_one_line(
+    run: LoopRun, tmp_path: Path, words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = bag(tmp_path / "bag", run)
+    given = [word.replace("BAG", str(short)) for word in words]
+    assert main(["new", *given, "-o", str(tmp_path / "axis.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert expected in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "axis.yaml").exists()
+
+
+def test_an_axis_that_rests_or_is_not_driven_is_refused(
+    run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = "/joint_states"
+    signals = SignalMap(SignalSource(place, "position", "a"), SignalSource(place, "effort", "a"))
+    for name, position, torque, expected in (
+        ("rest", np.zeros_like(run.t), run.torque, "the axis never moves"),
+        ("coast", run.position, np.zeros_like(run.t), "no torque is ever applied"),
+    ):
+        write_recording(tmp_path / name, Recording(run.t, position, torque), signals)
+        assert main(["new", str(tmp_path / name), "-o", str(tmp_path / "axis.yaml")]) == 2
+        assert expected in capsys.readouterr().err
+
+
+def test_a_file_that_is_there_is_not_replaced_unless_it_is_asked_for(
+    run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "axis.yaml").write_text("mine")
+    assert main(["new", str(bag(tmp_path / "bag", run)), "-o", str(tmp_path / "axis.yaml")]) == 2
+    assert "exists already, expected a new file, or --force" in capsys.readouterr().err
+    assert (tmp_path / "axis.yaml").read_text() == "mine"
+
+
+def test_comments_stand_behind_the_values_that_they_are_about() -> None:
+    content = {"a": {"x": 1.23456789, "b": {"x": 2.0}}, "x": 3.0}
+    text = text_of(content, {("a", "x"): "one", ("a", "b", "x"): "two", ("x",): "three"}, ["Head."])
+    found = {line.partition("#")[2].strip(): line.partition("#")[0].strip() for line in text.splitlines() if "#" in line}
+    assert found == {"Head.": "", "one": "x: 1.23457", "two": "x: 2.0", "three": "x: 3.0"}
+    assert yaml.safe_load(text) == {"a": {"x": 1.23457, "b": {"x": 2.0}}, "x": 3.0}
+
+
+@pytest.mark.parametrize("name", ["bam_sin_sin_kp200", "odrive_slow"])
+def test_real_recordings_give_files_that_a_diagnosis_accepts(shared_data: Path, tmp_path: Path, name: str) -> None:
+    path, recorded = tmp_path / "axis.yaml", shared_data / "data" / name / "recording"
+    assert main(["new", str(recorded), "-o", str(path)]) == 0
+    assert main(["diagnose", str(recorded), "--axis", str(path), "-o", str(tmp_path / "found")]) == 0
+    assert (tmp_path / "found/report.html").is_file()
