@@ -106,13 +106,16 @@ def mapping(value: object, where: str, keys: tuple[str, ...] = ()) -> Mapping[st
     return value
 
 
-def load_axis(path: Path) -> AxisFile:
-    """Read and check an axis file; InputError names the file, the key and what was expected."""
+def load_axis(path: Path, inertia: float | None = None) -> AxisFile:
+    """Read and check an axis file; InputError names the file, the key and what was expected.
+
+    inertia: of an axis whose file has none; None: it must have one.
+    """
     where = str(path)
     content = mapping(load_yaml(path), where, ("axis", "signals", "control"))
     if "axis" not in content:
         raise InputError(where, "no axis block", "axis: {name, inertia, friction, ...}")
-    axis = parse_axis(content["axis"], where)
+    axis = parse_axis(content["axis"], where, inertia)
     signals = (
         SignalMap.from_mapping(content["signals"], where) if content.get("signals") is not None else None
     )
@@ -122,10 +125,12 @@ def load_axis(path: Path) -> AxisFile:
     return AxisFile(axis, signals, control)
 
 
-def parse_axis(value: object, source: str = "axis") -> Axis:
-    """The `axis:` block of `source` (a file, say) as an Axis."""
+def parse_axis(value: object, source: str = "axis", inertia: float | None = None) -> Axis:
+    """The `axis:` block of `source` (a file, say) as an Axis. inertia: where the block has none; None: it must have one."""
     where = f"{source}: axis"
     block = mapping(value, where, AXIS_KEYS)
+    if inertia is not None:
+        block = {"inertia": inertia, **block}
     for key in ("inertia", "friction"):
         if key not in block:
             raise InputError(

@@ -27,8 +27,10 @@ from tcs_friction.identify.result import Identification
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
+from tcs_friction.yaml_files import load_yaml
 
 ALL = "all"
+UNKNOWN_INERTIA = 1.0  # kg m^2, where the axis file has none; the fit is linear in it and needs no guess
 WRITTEN = ("identification.json", "axis.yaml", "report.html")
 ADJUSTABLE = ("pso-ga", "pso", "ga")
 SETTINGS = tuple(field.name for field in fields(SwarmOptions))
@@ -70,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
-    file = load_axis(arguments.axis)
+    file = load_axis(arguments.axis, None if arguments.hold_inertia else UNKNOWN_INERTIA)
     signals = file.mapped(arguments.axis)
     options = IdentifyOptions(
         hold_inertia=arguments.hold_inertia,
@@ -95,6 +97,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
+    if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
+        where = str(arguments.axis)
+        raise JobError(where, f"has no inertia, and {arguments.bags[0]} determines none: {found.inertia.reason}", "either")
     _write(arguments.output, file, recordings, found, comparison)
     tell_notes(recordings)
     content = _content(found, comparison)

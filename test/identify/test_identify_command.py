@@ -75,3 +75,35 @@ def test_settings_of_a_swarm(shared_data: Path, tmp_path: Path, capsys: pytest.C
     printed = json.loads(capsys.readouterr().out)
     assert printed["outcome"] == "budget spent"
     assert printed["evaluations"] < 100  # the rest judges what was found
+
+
+def test_an_axis_file_without_an_inertia_gets_one(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (shared_data / "data/emps/axis.yaml").read_text().splitlines()
+    results = []
+    for value in (None, 1e-3, 1e5):
+        folder = tmp_path / str(value)
+        folder.mkdir()
+        new = [line if "inertia:" not in line else f"  inertia: {value!r}" for line in lines if value or "inertia:" not in line]
+        (folder / "axis.yaml").write_text("\n".join(new))
+        recorded = str(shared_data / "data/emps/recording")
+        assert main(["identify", recorded, "--axis", str(folder / "axis.yaml"), "-o", str(folder / "out"), "--json"]) == 0
+        results.append(json.loads(capsys.readouterr().out)["inertia"]["value"])
+    assert results == pytest.approx([results[0]] * 3, rel=1e-6)
+    assert results[0] == pytest.approx(95.109, rel=0.01)
+
+
+def test_an_inertia_that_neither_file_nor_recording_knows_is_refused(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shared_data / "data/odrive_slow"
+    lines = [line for line in (folder / "axis.yaml").read_text().splitlines() if "inertia:" not in line]
+    (tmp_path / "axis.yaml").write_text("\n".join(lines))
+    words = ["identify", str(folder / "recording"), "--axis", str(tmp_path / "axis.yaml"), "-o", str(tmp_path / "out")]
+    assert main(words) == 1
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert "axis.yaml: has no inertia, and" in error
+    assert not (tmp_path / "out/axis.yaml").exists()
+    assert main([*words, "--hold-inertia"]) == 2
+    assert "inertia is missing" in capsys.readouterr().err
