@@ -19,6 +19,7 @@ from tcs_friction.diagnose.dataset.bands import choose_cutoff, step_of
 from tcs_friction.errors import InputError
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.identification import identified_axis
+from tcs_friction.identify.linear_balance import linear_balance
 from tcs_friction.identify.motion import Motion, prepare
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Estimate, Identification
@@ -36,7 +37,6 @@ HEADROOM = 1.2  # times the fastest motion recorded, that the controller may ask
 WITHOUT_GRAVITY = ("inertia", "coulomb", "viscous", "offset")
 LEAST_SWING = 0.5  # rad of travel, over which gravity is not a straight line
 CLEARLY = 10.0  # by which Bayes' information criterion has to be better: very strong evidence (Kass & Raftery 1995)
-FEWEST = 8.0  # independent samples at least
 BRISTLE = 1e-4  # of the travel, over which bristles bend where the law has none
 LEAST_SHARE = 1e-9  # of the largest torque: friction so small stands for none
 
@@ -80,7 +80,7 @@ def first_axis(
     if turned:
         recordings = [replace(one, torque=-one.torque) for one in recordings]
         signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
-    start = _balance(motion, -1.0 if turned else 1.0, heavy)[0]
+    start = linear_balance(motion, -1.0 if turned else 1.0, heavy)[0]
     guess = _axis(name, kind, start, largest)
     comparison = compare_laws(recordings, guess, progress=progress, names=LAWS)
     found = _plainest(comparison)
@@ -100,7 +100,7 @@ def first_axis(
 
 
 def _axis(name: str, kind: str, balance: np.ndarray, largest: float) -> Axis:
-    """What a search starts from: the values of `_balance`."""
+    """What a search starts from: the values of `linear_balance`."""
     coulomb = float(max(abs(balance[1]), LEAST_SHARE * largest))
     friction = instance(law("coulomb_viscous"), {"coulomb": coulomb, "viscous": 0.0})
     effects = []
@@ -110,30 +110,9 @@ def _axis(name: str, kind: str, balance: np.ndarray, largest: float) -> Axis:
     return Axis(name, float(abs(balance[0])) or largest, friction, tuple(effects), kind)
 
 
-def _balance(motion: Motion, sign: float, gravity: bool = False) -> tuple[np.ndarray, np.ndarray, float]:
-    """Least squares of torque = J a + c sign(v) + b v + o, with gravity + g sin(q) + h cos(q), where the axis moves.
-
-    Returns values and standard errors, (4,) or (6,), and Bayes' information criterion.
-    """
-    moving = np.abs(motion.velocity) > motion.resolution
-    v, a, q = motion.velocity[moving], motion.acceleration[moving], motion.position[moving]
-    columns = np.column_stack([a, np.sign(v), v, np.ones(len(v)), *([np.sin(q), np.cos(q)] if gravity else [])])
-    size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    torque = sign * motion.torque[moving]
-    values, *_ = np.linalg.lstsq(columns / size, torque, rcond=None)
-    residual = torque - columns / size @ values
-    gram = np.linalg.pinv((columns / size).T @ (columns / size))
-    slow = 2.0 * motion.bandwidth / motion.rate if motion.bandwidth else 1.0
-    independent = max(len(torque) * min(slow, 1.0), FEWEST)
-    power = max(float(np.mean(residual**2)), 1e-300)
-    spread = np.sqrt(np.diag(gram) * power * len(torque) / independent)
-    criterion = independent * math.log(power) + len(values) * math.log(independent)
-    return values / size, np.asarray(spread / size), criterion
-
-
 def _turned(motion: Motion, gravity: bool) -> bool:
     """Whether inertia and friction both come out negative, or one clearly so while the other does not speak against it."""
-    values, spread, _ = _balance(motion, 1.0, gravity)
+    values, spread, _ = linear_balance(motion, 1.0, gravity)
     scores = values[:2] / np.maximum(spread[:2], 1e-300)
     return bool(scores.min() < -LIKELY_TURNED and scores.max() < LIKELY_TURNED)
 
@@ -142,7 +121,7 @@ def _shows_gravity(motion: Motion, kind: str) -> bool:
     """Whether a rotary axis covers enough of a turn and gravity earns its two numbers."""
     if kind != "rotary" or np.ptp(motion.position) < LEAST_SWING:
         return False
-    return _balance(motion, 1.0, gravity=True)[2] < _balance(motion, 1.0)[2] - CLEARLY
+    return linear_balance(motion, 1.0, gravity=True)[2] < linear_balance(motion, 1.0)[2] - CLEARLY
 
 
 def _plainest(comparison: Comparison) -> Identification:

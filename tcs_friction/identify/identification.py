@@ -13,6 +13,7 @@ from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
+from tcs_friction.identify.linear_balance import likely_inertia
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.operators import SwarmOptions
@@ -104,9 +105,11 @@ def identify(
     motion = prepare(data, options.bandwidth, despike=options.loss == "huber")
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError("identification", "the axis never moves", "a recording of motion")
+    free_inertia = not options.hold_inertia and not motion.measured
+    if free_inertia:
+        axis = replace(axis, inertia=likely_inertia(axis.inertia, motion))
     problem = pose(axis, motion)
     start = believed_start(problem)
-    free_inertia = not options.hold_inertia and not motion.measured
     free_offset = options.offset
     cost = _cost(problem, method, free_inertia, free_offset, start, options)
     space = space_of(problem, free_inertia, free_offset)
