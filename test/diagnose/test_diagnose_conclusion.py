@@ -16,8 +16,8 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
-from tcs_friction.diagnose.outcome.proof import found_effects
-from tcs_friction.diagnose.outcome.result import Diagnosis, Verdict
+from tcs_friction.diagnose.outcome.proof import _Proof, found_effects
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
@@ -225,3 +225,27 @@ def test_a_fit_that_was_cut_short_is_said(fitted: tuple[TorqueBalance, Fit, Fit]
     notes = [concluded((balance, replace(retuned, outcome=end), done)).evidence.notes for end in ends]
     assert notes[0] == balance.data.notes
     assert notes[1] == (*notes[0], "the fit of the retuned model was still gaining when its last step was taken")
+
+
+def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    """A tenth of a cogging's torque is what a wrong gain or timing of the log leaves of it."""
+    balance, retuned, _ = fitted
+    cogging = instance(effect("cogging"), {"order": 40.0, "amplitude": 5.0, "phase": 0.3})
+    for order, amplitude, echo in ((40.0, 0.3, True), (40.0, 2.0, False), (90.0, 0.3, False)):
+        second = instance(effect("cogging"), {"order": order, "amplitude": amplitude, "phase": 1.8})
+        fit = unfitted(balance, axis().with_effect(cogging).with_effect(second), retuned.noise)
+        proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
+        item = fit.axis.effects[-1]
+        assert proof._echoes(item, proof._size(item)) == echo, (order, amplitude)
+
+
+@pytest.mark.parametrize(
+    ("believed", "retuned", "improved", "fails"),
+    [(0.64, 0.91, 1.01, True), (0.64, 0.91, 0.5, False), (0.64, 0.6, 0.7, False), (0.31, 0.36, 0.36, False)],
+)
+def test_a_retuning_that_predicts_worse_is_no_better_model(
+    believed: float, retuned: float, improved: float, fails: bool
+) -> None:
+    held = {"believed": believed, "retuned": retuned, "improved": improved}
+    errors = {name: Errors(1.0, value) for name, value in held.items()}
+    assert conclusion._retuning_fails(errors, 0.29) == fails

@@ -63,6 +63,9 @@ class _Conclusion:
         described = tuple(one for one in every if one not in found)
         floor = noise_floor(self.balance, residuals["improved"])
         unexplained = self._unexplained(errors, floor, described)
+        if not (found or unexplained.present) and _retuning_fails(errors, floor):
+            left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
+            unexplained = Unexplained(True, left, {"coordinates": ["time"]})
         verdict = self._verdict(errors, unexplained, found, runs)
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
         lines = (*limits(data, believed), *passed_once(data, [i for i in fit.axis.effects if not i.term.tabulated]))
@@ -199,6 +202,12 @@ class _Conclusion:
 def _is_worse(one: Errors, errors: Mapping[str, Errors]) -> bool:
     """Whether an axis' residual is larger than the retuned one's by more than goes unnoticed."""
     return one.train > WRONG_PARAMETERS * errors["retuned"].train
+
+
+def _retuning_fails(errors: Mapping[str, Errors], floor: float) -> bool:
+    """Whether the believed axis misses more than noise, and everything fitted predicts data that were held out worse."""
+    believed, best = errors["believed"].held_out, min(errors[name].held_out for name in ("retuned", "improved"))
+    return best > (1.0 + FLOOR_ERROR) * believed and believed > ABOVE_NOISE * floor
 
 
 def _atlas_mapping(entry: AtlasEntry) -> dict[str, Any]:
