@@ -21,7 +21,7 @@ from benchmarks.concealed_effects import EFFECTS, compatible
 from benchmarks.worlds import World, draw_world
 from tcs_friction.config import default_control, load_axis, shipped
 from tcs_friction.control.guard import choose, judged, windowed
-from tcs_friction.control.loop import Cancellation, LoopConfig, simulate_loop
+from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, simulate_loop
 from tcs_friction.control.model_compensator import CancellationConfig, effect_names, obstacles
 from tcs_friction.control.reference import Reference, reference_from_mapping
 from tcs_friction.diagnose.pipeline import diagnose
@@ -76,6 +76,14 @@ class Choice:
         return hash((id(self.model), self.chosen))
 
 
+@dataclass(frozen=True)
+class Tracking:
+    """True tracking errors over all motions, rad: rms and largest."""
+
+    rms: float
+    peak: float
+
+
 class Bench:
     """One true axis under the controller that its believed inertia implies."""
 
@@ -84,25 +92,30 @@ class Bench:
         self.references = motions(centre)
         self.controller = default_control(replace(believed, drive=true.drive)).controller
 
-    def errors(self, choice: Choice, axis: Axis | None = None, runs: int = RUNS, measured: bool = False) -> np.ndarray:
-        """Rms error (w,) in every window of every run, true or as the encoder says."""
+    def runs(self, choice: Choice, axis: Axis | None = None) -> list[LoopRun]:
+        """RUNS of each motion of an axis (default: the true one) that is compensated."""
         left_out = tuple(name for name in effect_names(choice.model) if name not in choice.chosen)
-        parts = []
-        for reference in self.references:
-            for seed in range(runs):
-                loop = LoopConfig(compensation="model")
-                cancelling = Cancellation(choice.model, CancellationConfig(left_out=left_out))
-                run = simulate_loop(axis or self.true, reference, self.controller, loop, seed=seed, cancellation=cancelling)
-                parts.append(windowed(run.t, run.error if measured else run.reference - run.true_position, SETTLE))
-        return np.concatenate(parts)
+        loop, cancelling = LoopConfig(compensation="model"), Cancellation(choice.model, CancellationConfig(left_out=left_out))
+        return [
+            simulate_loop(axis or self.true, reference, self.controller, loop, seed=seed, cancellation=cancelling)
+            for reference in self.references
+            for seed in range(RUNS)
+        ]
 
-    def rms(self, choice: Choice, axis: Axis | None = None) -> float:
-        return float(np.sqrt(np.mean(self.errors(choice, axis) ** 2)))
+    def measured(self, choice: Choice) -> np.ndarray:
+        """Rms error (w,) in every window of every run, as the encoder says: what the guard is shown."""
+        return np.concatenate([windowed(run.t, run.error, SETTLE) for run in self.runs(choice)])
+
+    def tracking(self, choice: Choice, axis: Axis | None = None) -> Tracking:
+        """The true errors."""
+        runs = self.runs(choice, axis)
+        errors = [(run.reference - run.true_position)[run.t >= SETTLE] for run in runs]
+        windows = np.concatenate([windowed(run.t, run.reference - run.true_position, SETTLE) for run in runs])
+        return Tracking(float(np.sqrt(np.mean(windows**2))), max(float(np.max(np.abs(error))) for error in errors))
 
     def guarded(self, start: Choice, model: Axis, names: Sequence[str]) -> Choice:
         """What a commissioning would leave the axis with."""
-        before = self.errors(start, measured=True)
-        found = judged(choose(names, before), lambda effects: self.errors(Choice(model, effects), measured=True))
+        found = judged(choose(names, self.measured(start)), lambda effects: self.measured(Choice(model, effects)))
         return start if found.effects is None else Choice(model, found.effects)
 
 
@@ -113,6 +126,8 @@ class Outcome:
     named: bool  # all of them, and nothing else
     before: float
     after: float
+    peak_before: float
+    peak_after: float
     worst: float
     line: str
 
@@ -154,23 +169,23 @@ def outcome(world: World, rng: np.random.Generator) -> Outcome:
     names = [name for name, item in effect_names(model).items() if item.identity in named and name not in hindered]
     bench = Bench(true, believed, float(np.median(world.recording.position)))
     plain = replace(true, effects=())
-    ideal = bench.rms(Choice(plain, ()), plain)
+    ideal = bench.tracking(Choice(plain, ()), plain)
     start = Choice(believed, ())
-    before = bench.rms(start)
-    after = bench.rms(bench.guarded(start, model, names))
-    worst = after / before
+    before, after = bench.tracking(start), bench.tracking(bench.guarded(start, model, names))
+    worst = after.rms / before.rms
     for wrong in spoilt(model, rng).values():
         try:
             kept = bench.guarded(start, wrong, [name for name in effect_names(wrong) if name not in obstacles(wrong)])
         except TcsError:
             continue  # refused before it acts
-        worst = max(worst, bench.rms(kept) / before)
+        worst = max(worst, bench.tracking(kept).rms / before.rms)
     right = sorted(one.effect for one in found.effects) == sorted(world.truth.effects)
+    (rms, peak), (rms_after, peak_after) = ((one.rms / ideal.rms, one.peak / ideal.peak) for one in (before, after))
     line = (
-        f"{'+'.join(world.truth.effects):50s} {'named' if right else 'not  '} before {before / ideal:6.3f} "
-        f"after {after / ideal:6.3f} worst {worst:6.3f}"
+        f"{'+'.join(world.truth.effects):50s} {'named' if right else 'not  '} rms {rms:6.3f} to {rms_after:6.3f} "
+        f"peak {peak:6.3f} to {peak_after:6.3f} worst {worst:6.3f}"
     )
-    return Outcome(right, before / ideal, after / ideal, worst, line)
+    return Outcome(right, rms, rms_after, peak, peak_after, worst, line)
 
 
 def draw(count: int, seed: int) -> list[tuple[tuple[str, ...], float, np.random.Generator]]:
@@ -200,10 +215,11 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     for words, some in (("named right", named), ("all", outcomes)):
         if not some:
             continue
-        before, after = (np.array([getattr(one, name) for one in some]) for name in ("before", "after"))
-        for kind, pick in (("median", np.median), (f"{PERCENT:g} %", lambda x: np.percentile(x, PERCENT))):
-            row = {"name": f"rms over ideal, {words}, {kind}, beside before", "value": float(pick(after)), "unit": ""}
-            rows.append(row | {"beside": float(pick(before)), "ratio": float(pick(after) / pick(before))})
+        for quantity, names in (("rms", ("before", "after")), ("peak", ("peak_before", "peak_after"))):
+            before, after = (np.array([getattr(one, name) for one in some]) for name in names)
+            for kind, pick in (("median", np.median), (f"{PERCENT:g} %", lambda x: np.percentile(x, PERCENT))):
+                row = {"name": f"{quantity} over ideal, {words}, {kind}, beside before", "value": float(pick(after)), "unit": ""}
+                rows.append(row | {"beside": float(pick(before)), "ratio": float(pick(after) / pick(before))})
     worst = max(one.worst for one in outcomes)
     rows.append({"name": "worst over before, spoilt models too, beside the limit", "value": worst, "unit": "", "beside": WORSE})
     return rows

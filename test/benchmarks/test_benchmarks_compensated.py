@@ -32,11 +32,11 @@ def test_the_truth_is_cancelled_and_the_guard_lets_no_spoilt_model_pass() -> Non
     true = true_axis(world)
     bench = Bench(true, world.believed.axis, 0.0)
     start = Choice(world.believed.axis, ())
-    before = bench.rms(start)
-    assert bench.rms(Choice(true, ("cogging",))) < 0.97 * before
+    before = bench.tracking(start).rms
+    assert bench.tracking(Choice(true, ("cogging",))).rms < 0.97 * before
     wrong = spoilt(true, rng)
     assert set(wrong) == {"sign", "phase", "ghost"}
-    assert bench.rms(Choice(wrong["sign"], ("cogging",))) > before
+    assert bench.tracking(Choice(wrong["sign"], ("cogging",))).rms > before
     for model in wrong.values():
         kept = bench.guarded(start, model, list(effect_names(model)))
-        assert bench.rms(kept) < 1.02 * before
+        assert bench.tracking(kept).rms < 1.02 * before
