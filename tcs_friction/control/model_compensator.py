@@ -73,10 +73,26 @@ class CancellationConfig(SwitchConfig):
 
     total_limit: float = setting(1e12, "N m", 0.0, 1e12, "largest torque of the whole compensation")
     effect_limit: float = setting(1e12, "N m", 0.0, 1e12, "largest torque of each effect in it")
+    effect_limits: tuple[str, ...] = texts("largest torque (N m) of single effects, NAME=LIMIT, instead of effect_limit")
 
     def validate(self, where: str = "cancellation") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
         validate(self, where)
+        self.limits()
+
+    def limits(self) -> dict[str, float]:
+        """The limits of single effects by name, N m. Raises InputError for one that is none."""
+        found = {}
+        for entry in self.effect_limits:
+            name, _, text = entry.partition("=")
+            try:
+                limit = float(text)
+            except ValueError:
+                limit = math.nan
+            if not (name and limit >= 0.0):
+                raise InputError("effect_limits", repr(entry), "NAME=LIMIT with a limit of 0 N m or more")
+            found[name] = limit
+        return found
 
 
 class Plan(NamedTuple):
@@ -231,12 +247,15 @@ class ModelCompensator:
 
     def configure(self, config: CancellationConfig) -> None:
         """Other switches and limits from the next tick on; a bad one raises InputError and changes nothing."""
-        validate(config, "cancellation")
+        config.validate()
         check_names(self.model, config.left_out)
+        limits = config.limits()
+        check_names(self.model, limits, "effect_limits")
         self.config = config
         self.plan.constants[_RISE] = rise_per_tick(self.dt, config.entry_time)
         self.plan.constants[_LIMIT] = config.total_limit
-        self.plan.limits[:] = [config.effect_limit if self._cancels(item) else math.inf for item in self._all]
+        own = {item.identity: limits.get(name, config.effect_limit) for name, item in self.effects.items()}
+        self.plan.limits[:] = [own.get(item.identity, math.inf) for item in self._all]
         self._switch()
 
     def without(self, missing: Collection[str]) -> None:
@@ -318,12 +337,12 @@ def signals_of(axis: Axis) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for item in axis.effects for name in item.signals))
 
 
-def check_names(model: Axis, left_out: Collection[str]) -> None:
-    """Raises InputError when an effect that is left out is none of a model."""
+def check_names(model: Axis, given: Collection[str], where: str = "left_out") -> None:
+    """Raises InputError when one of these effects is none of a model."""
     names = effect_names(model)
-    for name in left_out:
+    for name in given:
         if name not in names:
-            raise InputError("left_out", f"model {model.name} has no effect {name!r}", nearest(name, list(names)))
+            raise InputError(where, f"model {model.name} has no effect {name!r}", nearest(name, list(names)))
 
 
 def check_model(model: Axis, axis: Axis) -> None:

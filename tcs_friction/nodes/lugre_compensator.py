@@ -21,6 +21,7 @@ from tcs_friction.control.model_compensator import (
     ROOM,
     CancellationConfig,
     ModelCompensator,
+    check_names,
     check_torque,
     signals_of,
 )
@@ -122,7 +123,11 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         return self._lugre.step(speed, acceleration)
 
     def check(self, config: CompensatorNodeConfig, file: AxisFile) -> None:
-        axis = self._models.read(config, file)
+        axis, limits = self._models.read(config, file), config.limits()
+        if axis is None and limits:
+            raise InputError("effect_limits", f"of {', '.join(limits)} without a model", "parameter model")
+        if axis is not None:
+            check_names(axis, limits, "effect_limits")
         if axis is not None and not (self._runs(axis, config) and file is self.file):
             limit = min(file.axis.drive.limit, control_of(file).controller.torque_limit)
             check_torque(ModelCompensator(axis, config.period, signals=signals_of(axis)).largest(), axis, limit)

@@ -76,7 +76,9 @@ def test_a_model_and_its_effects_come_and_go_without_a_step(together: Callable[.
     assert asked.torques(200)[-1] == pytest.approx(coming[-1])
     assert asked.set(effect_limit=20.0) == ""
     assert asked.torques(10)[-1] == pytest.approx(before + 20.0, rel=0.02)
-    assert asked.set(effect_limit=1e12, total_limit=90.0) == ""
+    assert asked.set(effect_limits=["torque_bias=10.0"]) == ""
+    assert asked.torques(10)[-1] == pytest.approx(before + 10.0, rel=0.02), "its own limit instead of that of all"
+    assert asked.set(effect_limits=[""], effect_limit=1e12, total_limit=90.0) == ""
     assert asked.torques(10)[-1] == 90.0
     assert asked.set(model="", total_limit=500.0) == ""
     assert asked.torques(3000)[-1] == pytest.approx(before, rel=1e-6)
@@ -105,6 +107,10 @@ def test_a_model_that_cannot_be_cancelled_is_refused_and_changes_nothing(
 def test_effects_that_nobody_knows_are_refused(together: Callable[..., Any], tmp_path: Path) -> None:
     asked = Asked(together, f"model:={written(tmp_path / 'model.yaml', {'torque_bias': {'bias': 50.0}})}")
     assert "no effect 'torque_bais'" in asked.set(left_out=["torque_bais"])
+    assert "effect_limits: model azimuth has no effect 'torque_bais'" in asked.set(effect_limits=["torque_bais=1.0"])
+    for wrong in ("torque_bias", "torque_bias=", "torque_bias=-1", "torque_bias=nan", "=1"):
+        assert f"effect_limits: {wrong!r}, expected NAME=LIMIT" in asked.set(effect_limits=[wrong])
+    assert "effect_limits: of torque_bias without a model" in asked.set(model="", effect_limits=["torque_bias=1.0"])
     assert "no such file" in asked.set(model="nowhere.yaml")
     assert "without a model" in asked.set(model="", left_out=["torque_bias"])
 
