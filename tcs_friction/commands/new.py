@@ -142,7 +142,7 @@ def text_of(content: Mapping[str, Any], reasons: Mapping[tuple[str, ...], str], 
     >>> print(text_of({"axis": {"inertia": 2.0}}, {("axis", "inertia"): "± 0.1 kg m^2"}, ["First."]), end="")
     # First.
     axis:
-      inertia: 2.0                                             # ± 0.1 kg m^2
+      inertia: 2.0                                              # ± 0.1 kg m^2
     """
     lines = [f"# {line}" for line in heading]
     path: list[str] = []

@@ -19,6 +19,7 @@ PAPER = "report/paper/"  # its measurements and its plant, described as they are
 ALLOWED = {
     ("report/diagnosis.py", "learned_map"): "the name of a picture's file",
     ("control/loop.py", "stribeck"): "a kind of compensation",
+    ("identify/first_axis.py", "imbalance"): "the gravity that a first axis file is given",
 }
 
 
