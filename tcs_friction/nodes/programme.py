@@ -17,6 +17,8 @@ from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.runs import RunCollector
 
+RESTS = 2.0  # s without a change, after which a reference that is not there has given up
+MOST_STARTS = 3  # that it is asked again: an axis that cannot follow is not asked for ever
 HEARD = ("joint_states", "reference", "friction_estimate")
 
 
@@ -65,11 +67,14 @@ class Programme:
         start = reference.at(0.0)[0]
         there = (start, 0.0, 0.0)
         await self._remotes.set("reference", {"reference_file": "", "kind": "hold", "hold.position": start}, config.answer_limit)
-        last, since = self._runs.reference, time.monotonic()
+        last, since, again = self._runs.reference, time.monotonic(), 0
         while not await self._waiter.until(lambda: self._runs.reference == there, 0.1):
             wait("waiting for the axis to come to where the run begins")
             if self._runs.reference != last:
                 last, since = self._runs.reference, time.monotonic()
+            elif again < MOST_STARTS and time.monotonic() - since > RESTS:  # it has lost the axis for a moment
+                again += 1
+                await self._remotes.trigger("reference/start", config.answer_limit)
             if time.monotonic() - since > config.stall_limit:
                 where = "nothing was heard of it" if last is None else f"it stays at {last[0]:.6g} with speed {last[1]:.3g}"
                 wanted = f"it to go to {start:.6g}, where the run begins"

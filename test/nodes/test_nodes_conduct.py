@@ -14,6 +14,7 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.srv import SetMode
 from test_nodes_commission import CANCELED, act, call, switches
 
+from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.nodes.convert import lugre_message
 from tcs_friction.nodes.graph import GRAPH
 
@@ -176,3 +177,43 @@ def test_of_two_latched_sets_of_parameters_the_newer_one_holds(together: Callabl
         message.positive.coulomb = coulomb
         node._on_parameters(serialize_message(message))
     assert node.config.positive.coulomb == 70.0
+
+
+@pytest.mark.parametrize(("losses", "message"), [(1, ""), (99, "reference: it stays at 0.5 with speed 0 for 0.05 s")])
+def test_a_reference_that_has_lost_the_axis_for_a_moment_is_asked_again(
+    losses: int, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It rests where the axis was then. An axis that it loses every time is not asked for ever."""
+    from types import SimpleNamespace
+
+    from tcs_friction.errors import JobError
+    from tcs_friction.nodes import programme
+
+    monkeypatch.setattr(programme, "RESTS", 0.0)
+    asked: list[str] = []
+    runs = SimpleNamespace(reference=(0.5, 0.0, 0.0))
+
+    class Others:
+        async def set(self, node: str, values: Any, limit: float) -> None:
+            asked.append(f"{node} {values['kind']} {limit:g}")
+
+        async def trigger(self, name: str, _limit: float) -> None:
+            asked.append(name)
+            if asked.count(name) > losses:
+                runs.reference = (0.0, 0.0, 0.0)
+
+    class Waiter:
+        async def until(self, ready: Callable[[], bool], _limit: float) -> bool:
+            return ready()
+
+    going = programme.Programme(None, Waiter(), Others(), runs)  # type: ignore[arg-type]
+    config = SimpleNamespace(answer_limit=1.0, stall_limit=0.05)
+    steps = going._go_to_start(reference_from_mapping({"kind": "hold", "duration": 1.0}, "x"), config, lambda _: None)
+    if message:
+        with pytest.raises(JobError, match=message):
+            steps.send(None)
+        assert asked.count("reference/start") == programme.MOST_STARTS
+    else:
+        with pytest.raises(StopIteration):
+            steps.send(None)
+        assert asked == ["reference hold 1", "reference/start", "reference/start"]
