@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 
+from tcs_friction.commands.status_line import status_line
 from tcs_friction.errors import InputError
 from tcs_friction.report.commission import console_table
 from tcs_friction.writable import output_directory
@@ -35,12 +35,15 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("demo", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     if arguments.output.exists() and any(arguments.output.iterdir()):
         raise InputError(str(arguments.output), "is not empty", "a new directory (-o DIR)")
-    tell = _bar if sys.stderr.isatty() else _silent
-    result = commission(
-        arguments.axis, arguments.reference, arguments.output, arguments.processes, tell, seed=arguments.seed
-    )
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
+    with status_line() as show:
+        result = commission(
+            arguments.axis,
+            arguments.reference,
+            arguments.output,
+            arguments.processes,
+            lambda share, stage: show(bar(share, stage)),
+            seed=arguments.seed,
+        )
     if arguments.json:
         print(json.dumps(result.to_mapping(), allow_nan=False))
         return
@@ -52,11 +55,11 @@ def run(arguments: argparse.Namespace) -> None:
     print(arguments.output / "report.html")
 
 
-def _silent(_share: float, _stage: str) -> None:
-    """No progress into a pipe."""
+def bar(share: float, stage: str) -> str:
+    """Progress as a bar.
 
-
-def _bar(share: float, stage: str) -> None:
+    >>> bar(0.5, "measuring")
+    '[###############...............]  50 %  measuring'
+    """
     filled = round(BAR * share)
-    text = f"\r\033[K[{'#' * filled}{'.' * (BAR - filled)}] {100.0 * share:3.0f} %  {stage}"
-    print(text, end="", file=sys.stderr, flush=True)
+    return f"[{'#' * filled}{'.' * (BAR - filled)}] {100.0 * share:3.0f} %  {stage}"

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
+from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Diagnosis
@@ -44,14 +45,16 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
     inputs = [*arguments.bags, arguments.axis, arguments.against]
     results_over_no_input(arguments.output, WRITTEN, inputs)
-    progress = _progress if sys.stderr.isatty() else _silent
-    file, remark = _believed(arguments)
-    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
-    found = diagnose(recordings, file, progress=progress)
-    progress(1.0, "writing")
-    report = write_diagnosis(arguments.output, found)
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
+    with status_line() as show:
+
+        def progress(share: float, stage: str) -> None:
+            show(f"{100.0 * share:3.0f} %  {stage}")
+
+        file, remark = _believed(arguments, progress)
+        recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
+        found = diagnose(recordings, file, progress=progress)
+        progress(1.0, "writing")
+        report = write_diagnosis(arguments.output, found)
     tell_notes(recordings)
     if arguments.json:
         print(json.dumps(found.to_mapping(), allow_nan=False))
@@ -59,23 +62,14 @@ def run(arguments: argparse.Namespace) -> None:
     print("\n".join([*([remark] if remark else []), summary(found), str(report)]))
 
 
-def _believed(arguments: argparse.Namespace) -> tuple[AxisFile, str]:
+def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], None]) -> tuple[AxisFile, str]:
     file = load_axis(arguments.axis) if arguments.axis is not None else None
     if arguments.against is None:
         assert file is not None
         return file, ""
     from tcs_friction.diagnose.from_simulation import believed_from_simulation
 
-    progress = _progress if sys.stderr.isatty() else _silent
     return believed_from_simulation(arguments.against, arguments.bags, file, arguments.seed, progress)
-
-
-def _silent(_: float, __: str) -> None:
-    """No progress into a pipe."""
-
-
-def _progress(share: float, stage: str) -> None:
-    print(f"\r\033[K{100.0 * share:3.0f} %  {stage}", end="", file=sys.stderr, flush=True)
 
 
 def summary(found: Diagnosis) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 from tcs_friction.commands.inputs import add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
+from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
 from tcs_friction.errors import InputError, JobError, nearest, writing_into
 from tcs_friction.identify.comparison import Comparison, compare_laws
@@ -86,17 +86,19 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")
     recordings = read_recordings(arguments.bags, signals)
-    progress = _progress if sys.stderr.isatty() else _silent
     comparison = None
-    if arguments.law == ALL:
-        comparison = compare_laws(recordings, file.axis, arguments.seed, progress, options=options)
-        found = comparison.best
-    else:
-        found = identify(
-            recordings, file.axis, arguments.method, arguments.law, arguments.seed, progress, options=options
-        )
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
+    with status_line() as show:
+
+        def progress(generation: Generation) -> None:
+            show(f"{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}")
+
+        if arguments.law == ALL:
+            comparison = compare_laws(recordings, file.axis, arguments.seed, progress, options=options)
+            found = comparison.best
+        else:
+            found = identify(
+                recordings, file.axis, arguments.method, arguments.law, arguments.seed, progress, options=options
+            )
     if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
         where = str(arguments.axis)
         raise JobError(where, f"has no inertia, and {arguments.bags[0]} determines none: {found.inertia.reason}", "either")
@@ -133,19 +135,6 @@ def _swarm(words: Sequence[str], method: str) -> SwarmOptions:
                 "--swarm", f"{name} is {text!r}", "a whole number" if whole else "a number"
             ) from None
     return SwarmOptions(**values)
-
-
-def _silent(_: Generation) -> None:
-    """No progress into a pipe."""
-
-
-def _progress(generation: Generation) -> None:
-    print(
-        f"\r\033[K{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}",
-        end="",
-        file=sys.stderr,
-        flush=True,
-    )
 
 
 def _content(found: Identification, comparison: Comparison | None) -> dict[str, object]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,10 +18,10 @@ import yaml
 
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import axis_file_mapping, write_whole
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify.first_axis import FirstAxis, first_axis
-from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
@@ -62,9 +61,8 @@ def run(arguments: argparse.Namespace) -> None:
         kind, why = _kind(recordings, signals)
     else:
         why = "as asked for" if arguments.kind else "by the units"
-    found = first_axis(recordings, name, kind, signals, _progress if sys.stderr.isatty() else _silent)
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
+    with status_line() as show:
+        found = first_axis(recordings, name, kind, signals, lambda law: show(f"{100.0 * law.share:3.0f} % of a law"))
     reasons = {("axis", "kind"): why, **found.reasons}
     if unit and unit not in ("Nm", "N"):
         reasons["signals", "torque"] = f"recorded in {unit}: everything that has torque in it is in units of that"
@@ -164,14 +162,6 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list):
         return [_rounded(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
-
-
-def _silent(_: Generation) -> None:
-    """No progress into a pipe."""
-
-
-def _progress(generation: Generation) -> None:
-    print(f"\r\033[K{100.0 * generation.share:3.0f} % of a law", end="", file=sys.stderr, flush=True)
 
 
 def _tell(arguments: argparse.Namespace, found: FirstAxis, why: str) -> None:

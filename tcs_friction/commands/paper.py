@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 
+from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import load_axis, shipped, write_whole
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError
@@ -35,12 +35,11 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
     file, reference = load_axis(shipped(AXIS)), load_reference(shipped(RUN))
     stand = Stand(file, reference, arguments.seed)
-    result = measure(stand, _progress if sys.stderr.isatty() else lambda _what, _share: None)
-    path = write_report(arguments.output, result)
-    content = result.to_mapping()
-    write_whole(arguments.output / "paper.json", json.dumps(content, indent=2) + "\n")
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
+    with status_line() as show:
+        result = measure(stand, lambda what, part: show(f"{100.0 * part:3.0f} %  {what}"))
+        path = write_report(arguments.output, result)
+        content = result.to_mapping()
+        write_whole(arguments.output / "paper.json", json.dumps(content, indent=2) + "\n")
     if arguments.json:
         print(json.dumps(content))
         return
@@ -48,7 +47,3 @@ def run(arguments: argparse.Namespace) -> None:
         theirs = "" if row.paper is None else f"paper {row.paper:.4g} {row.unit}"
         print(f"{row.name:52} {row.value:8.4g} {row.unit:4} {theirs}".rstrip())
     print(path)
-
-
-def _progress(what: str, part: float) -> None:
-    print(f"\r\033[K{100.0 * part:3.0f} %  {what}", end="", file=sys.stderr, flush=True)

@@ -23,7 +23,7 @@ from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
-from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.recording.signals import SignalMap, graph_signals
 from tcs_friction.recording.write import write_recording
 from tcs_friction.writable import new_output
 
@@ -83,13 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def default_signals(axis: str) -> SignalMap:
     """Where the node graph would have put the signals."""
-    joint = f"/{axis}/joint_states"
-    return SignalMap(
-        position=SignalSource(joint, "position", axis),
-        torque=SignalSource(joint, "effort", axis),
-        velocity=SignalSource(joint, "velocity", axis),
-        reference=SignalSource(f"/{axis}/reference", "position"),
-    )
+    return graph_signals(f"/{axis}", axis)
 
 
 def surroundings(

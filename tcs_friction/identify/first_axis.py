@@ -34,7 +34,6 @@ LAWS = ("coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre")
 AS_GOOD = 0.02  # of the held-out residual: a law with more parameters has to err less by more
 LIKELY_TURNED = 3.0  # standard errors by which friction that drives the motion tells that the torque's sign is turned over
 HEADROOM = 1.2  # times the fastest motion recorded, that the controller may ask for
-WITHOUT_GRAVITY = ("inertia", "coulomb", "viscous", "offset")
 LEAST_SWING = 0.5  # rad of travel, over which gravity is not a straight line
 CLEARLY = 10.0  # by which Bayes' information criterion has to be better: very strong evidence (Kass & Raftery 1995)
 BRISTLE = 1e-4  # of the travel, over which bristles bend where the law has none
@@ -46,16 +45,12 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class FirstAxis:
-    """An axis file that nobody wrote, why each value is what it is (by its path), and what a person should look at.
-
-    turned: the recorded torque acts against the position's sign; the file's scale turns it over.
-    """
+    """An axis file that nobody wrote, why each value is what it is (by its path), and what a person should look at."""
 
     file: AxisFile
     reasons: Mapping[Path, str]
     doubts: tuple[str, ...]
     comparison: Comparison
-    turned: bool
 
 
 def first_axis(
@@ -75,19 +70,18 @@ def first_axis(
     largest = max(float(np.abs(one.torque).max()) for one in recordings)
     if not largest > 0.0:
         raise InputError(recordings[0].source, "no torque is ever applied", "a recording of a driven axis")
-    heavy = _shows_gravity(motion, kind)
-    turned = _turned(motion, heavy)
+    balance, spread, heavy = _balance(motion, kind)
+    turned = _turned(balance, spread)
     if turned:
+        balance = -balance
         recordings = [replace(one, torque=-one.torque) for one in recordings]
         signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
-    start = linear_balance(motion, -1.0 if turned else 1.0, heavy)[0]
-    guess = _axis(name, kind, start, largest)
+    guess = _axis(name, kind, balance, heavy, largest)
     comparison = compare_laws(recordings, guess, progress=progress, names=LAWS)
     found = _plainest(comparison)
-    axis = replace(identified_axis(guess, found), name=name)
     noise, step = _encoder(recordings)
-    axis = replace(axis, sensors=replace(Sensors(), noise=noise, resolution=step), drive=replace(Drive(), limit=largest))
-    axis = replace(axis, inertia=float(axis.inertia) if axis.inertia > 0.0 else guess.inertia)
+    sensors, drive = Sensors(noise=noise, resolution=step), Drive(limit=largest)
+    axis = replace(identified_axis(guess, found), sensors=sensors, drive=drive)
     fastest = float(np.abs(motion.velocity).max())
     control = _cautious(axis, fastest, float(np.ptp(motion.position)))
     return FirstAxis(
@@ -95,33 +89,37 @@ def first_axis(
         _reasons(axis, found, comparison, recordings, fastest, turned),
         _doubts(found, turned),
         comparison,
-        turned,
     )
 
 
-def _axis(name: str, kind: str, balance: np.ndarray, largest: float) -> Axis:
+def _axis(name: str, kind: str, balance: np.ndarray, gravity: bool, largest: float) -> Axis:
     """What a search starts from: the values of `linear_balance`."""
     coulomb = float(max(abs(balance[1]), LEAST_SHARE * largest))
     friction = instance(law("coulomb_viscous"), {"coulomb": coulomb, "viscous": 0.0})
     effects = []
-    if len(balance) > len(WITHOUT_GRAVITY):
+    if gravity:
         sine, cosine = map(float, balance[-2:])
         effects.append(instance(effect("imbalance"), {"amplitude": math.hypot(sine, cosine), "phase": math.atan2(cosine, sine)}))
     return Axis(name, float(abs(balance[0])) or largest, friction, tuple(effects), kind)
 
 
-def _turned(motion: Motion, gravity: bool) -> bool:
+def _balance(motion: Motion, kind: str) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Values and standard errors of `linear_balance`, and whether gravity is in it.
+
+    It is where a rotary axis covers enough of a turn and gravity earns its two numbers.
+    """
+    plain = linear_balance(motion)
+    if kind == "rotary" and np.ptp(motion.position) >= LEAST_SWING:
+        heavy = linear_balance(motion, gravity=True)
+        if heavy[2] < plain[2] - CLEARLY:
+            return *heavy[:2], True
+    return *plain[:2], False
+
+
+def _turned(balance: np.ndarray, spread: np.ndarray) -> bool:
     """Whether inertia and friction both come out negative, or one clearly so while the other does not speak against it."""
-    values, spread, _ = linear_balance(motion, 1.0, gravity)
-    scores = values[:2] / np.maximum(spread[:2], 1e-300)
+    scores = balance[:2] / np.maximum(spread[:2], 1e-300)
     return bool(scores.min() < -LIKELY_TURNED and scores.max() < LIKELY_TURNED)
-
-
-def _shows_gravity(motion: Motion, kind: str) -> bool:
-    """Whether a rotary axis covers enough of a turn and gravity earns its two numbers."""
-    if kind != "rotary" or np.ptp(motion.position) < LEAST_SWING:
-        return False
-    return linear_balance(motion, 1.0, gravity=True)[2] < linear_balance(motion, 1.0)[2] - CLEARLY
 
 
 def _plainest(comparison: Comparison) -> Identification:

@@ -13,7 +13,7 @@ SIGNIFICANT = 3.0  # standard errors
 FAR = 10.0  # times: a believed inertia that is off by more starts no search
 
 
-def linear_balance(motion: Motion, sign: float = 1.0, gravity: bool = False) -> tuple[np.ndarray, np.ndarray, float]:
+def linear_balance(motion: Motion, gravity: bool = False) -> tuple[np.ndarray, np.ndarray, float]:
     """Least squares of torque = J a + c sign(v) + b v + o, with gravity + g sin(q) + h cos(q), where the axis moves.
 
     Returns values and standard errors, (4,) or (6,), and Bayes' information criterion.
@@ -22,7 +22,7 @@ def linear_balance(motion: Motion, sign: float = 1.0, gravity: bool = False) -> 
     v, a, q = motion.velocity[moving], motion.acceleration[moving], motion.position[moving]
     columns = np.column_stack([a, np.sign(v), v, np.ones(len(v)), *([np.sin(q), np.cos(q)] if gravity else [])])
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    torque = sign * motion.torque[moving]
+    torque = motion.torque[moving]
     values, *_ = np.linalg.lstsq(columns / size, torque, rcond=None)
     residual = torque - columns / size @ values
     gram = np.linalg.pinv((columns / size).T @ (columns / size))

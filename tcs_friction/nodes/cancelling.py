@@ -6,7 +6,7 @@ would matter on the run to be tracked. Rounds end when a diagnosis names nothing
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from tcs_friction_msgs.msg import LugreParameters
 from tcs_friction_msgs.srv import SetMode
 
 from tcs_friction.config import AxisFile, load_axis, save_axis
-from tcs_friction.control.guard import Chosen, Gain, choose, windowed
+from tcs_friction.control.guard import Chosen, choose, windowed
 from tcs_friction.control.model_compensator import effect_names, obstacles
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.control.worth import ALL, LAW, Task, worth
@@ -29,16 +29,20 @@ from tcs_friction.nodes.runs import Run
 from tcs_friction.nodes.stages import DiagnosisError, Stages
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
-from tcs_friction.physics.terms import instance
-from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.physics.terms import Instance, instance
+from tcs_friction.recording.signals import graph_signals
 from tcs_friction.report.commission import Judged
-from tcs_friction.report.diagnosis_files import EXPERIMENT, told_by
+from tcs_friction.report.diagnosis_files import DESCRIBED, DIAGNOSIS, EXPERIMENT, UNKNOWN, told_by
 
 Array = NDArray[np.float64]
 
 MATTERS = 0.01
 """Share of the predicted rms error below which an effect is not tried: no run of a minute shows so little."""
 COMPENSATE = SetMode.Request.COMPENSATE
+
+
+class SetupError(JobError):
+    """A node refuses the model or the parameters that a trial needs."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +56,9 @@ class Base:
 
 @dataclass(frozen=True)
 class Cancelled:
-    """What is cancelled in the end. setup: how the axis is left. run: its tracking, None where nothing came of it."""
+    """What is cancelled in the end. run: how it tracks then, None where nothing came of it."""
 
-    setup: Setup
-    run: Run | None
+    run: Run | None = None
     judged: tuple[Judged, ...] = ()
     statements: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -77,6 +80,8 @@ class Cancelling:
         self._notes: list[str] = []
         self._statements: list[str] = []
         self._diagnosed: list[str] = []  # stages of the runs made for diagnoses
+        self._kept: tuple[str, ...] = ()  # names of the effects that are cancelled
+        self._model: AxisFile | None = None  # with those alone
 
     async def rounds(self, paper: tuple[str, ...]) -> Cancelled:
         """All of them. paper: stages of the paper's loop, which are diagnosed where no motion is made for it."""
@@ -93,9 +98,11 @@ class Cancelling:
             if found is None:
                 break
             run = found
-        if run is not None:
-            await self._settle_model()
-        return Cancelled(self.setup, run, tuple(self._judged.values()), tuple(self._statements), tuple(self._notes))
+        if self._model is not None:
+            path = self._directory / "model.yaml"
+            save_axis(path, self._model, "What is cancelled: verified on measured tracking")
+            self.setup = replace(self.setup, models=modelled(str(path)))
+        return Cancelled(run, tuple(self._judged.values()), tuple(self._statements), tuple(self._notes))
 
     # Diagnosis
 
@@ -104,6 +111,7 @@ class Cancelling:
         motion = self._motion(number)
         if motion is not None:
             self._diagnosed.append(f"diagnose_{number}")
+            await self._set(self._base.setup)
             await self._stages.run(self._diagnosed[-1], self._base.mode, motion, "moving the axis for a diagnosis")
         bags = self._diagnosed or list(dict.fromkeys([*paper, self._base.stage]))
         axis, name = self._directory / f"believed_{number}.yaml", f"diagnosis_{number}"
@@ -126,99 +134,119 @@ class Cancelling:
 
     async def _tried(self, number: int, path: Path) -> Run | None:
         """The run with the best set of a model's effects; None where no set is better than what was there."""
-        model = load_axis(path).axis
-        names = self._worth_a_trial(number, path, model)
+        file = load_axis(path)
+        effects = effect_names(file.axis)
+        names = self._worth_a_trial(number, path, file.axis)
         if not names:
             return None
+
+        def cancelling(chosen: tuple[str, ...]) -> Setup:
+            left_out = tuple(name for name in effects if name not in chosen)
+            return replace(self._base.setup, switches=(False, False, True), models=modelled(str(path), left_out))
+
         stages: dict[tuple[str, ...], str] = {}
         before = await self._errors(self._base.stage, self._base.mode, self._base.setup)
-        assert before is not None
         trials = choose(names, before)
         wanted = next(trials)
         while True:
             stages[wanted] = f"trial_{number}_{len(stages) + 1}"
-            left_out = tuple(name for name in effect_names(model) if name not in wanted)
-            setup = replace(self._base.setup, switches=(False, False, True), models=modelled(str(path), left_out))
+            errors: Array | None = None
             try:
-                wanted = trials.send(await self._errors(stages[wanted], COMPENSATE, setup, words_of(wanted)))
+                errors = await self._errors(stages[wanted], COMPENSATE, cancelling(wanted), words_of(wanted))
+            except SetupError as error:
+                self._notes.append(f"Not tried: {words_of(wanted)}, since {error}.")
+            try:
+                wanted = trials.send(errors)
             except StopIteration as end:
                 chosen: Chosen = end.value
                 break
         self._judge(names, chosen)
         if chosen.effects is None:
             return None
-        left_out = tuple(name for name in effect_names(model) if name not in chosen.effects)
-        setup = replace(self._base.setup, switches=(False, False, True), models=modelled(str(path), left_out))
-        self._base, self.setup = Base(stages[chosen.effects], COMPENSATE, setup), setup
-        known = [item for name, item in effect_names(model).items() if name in names]
-        self._believed = self._believed.with_axis(replace(model, effects=tuple(known)))
+        self.setup = cancelling(chosen.effects)
+        self._base = Base(stages[chosen.effects], COMPENSATE, self.setup)
+        self._model = _with_effects(file, self._kept)
+        described = told_by(path.parent / DIAGNOSIS, file.axis)[0]
+        put_back = [name for name in names if name not in self._kept]
+        doubtful = {*put_back, *(name for name, why in described.items() if why == DESCRIBED)}
+        self._believed = self._believed.with_axis(_with_effects(file, [n for n in effects if n not in doubtful]).axis)
+        self._rename(effects, number)
         return self._stages.runs[stages[chosen.effects]]
 
-    async def _errors(self, stage: str, mode: int, setup: Setup, words: str = "measuring again what it was") -> Array | None:
-        """Rms errors (w,) in the windows of every run of a stage, whose first may have been made before; None: refused."""
-        tools, limit = self._stages.tools, self._config.answer_limit
+    def _rename(self, effects: Mapping[str, Instance], number: int) -> None:
+        """From the names of a round's model to those of what is believed, where the second of a kind may be the first."""
+        places = {id(item): name for name, item in effect_names(self._believed.axis).items()}
+        now = {name: places[id(item)] for name, item in effects.items() if id(item) in places}
+        self._kept = tuple(now[name] for name in self._kept)
+        judged = {now.get(name, f"{name} of round {number}"): one for name, one in self._judged.items()}
+        self._judged = {name: replace(one, name=now.get(one.name, one.name)) for name, one in judged.items()}
+
+    async def _set(self, setup: Setup) -> None:
+        """Everything but the switches, which are off until the next run."""
+        await self._stages.tools.modes.restore(replace(setup, switches=(False, False, False)), self._config.answer_limit)
+
+    async def _errors(self, stage: str, mode: int, setup: Setup, words: str = "measuring again what it was") -> Array:
+        """Rms errors (w,) in the windows of every run of a stage, whose first may have been made before.
+
+        Raises SetupError where a node refuses the setup.
+        """
+        try:
+            await self._set(setup)
+        except JobError as error:
+            raise SetupError(error.where, error.found, error.expected) from None
         parts = []
         for trial in range(self._config.trials):
-            try:
-                await tools.modes.restore(replace(setup, switches=(False, False, False)), limit)
-            except JobError as error:
-                if mode != COMPENSATE:
-                    raise
-                self._notes.append(f"Not tried: {words}, since {error}.")
-                return None
             name = stage if trial == 0 else f"{stage}_{trial + 1}"
             run = tracking(await self._stages.run(name, mode, self._path, words, noise=trial))
             parts.append(windowed(run.t, run.error, self._config.settle))
         return np.concatenate(parts)
 
     def _worth_a_trial(self, number: int, path: Path, model: Axis) -> list[str]:
-        """Effects that are named, can be cancelled in the graph and matter on this run, by the model's own prediction."""
-        left_out, _ = told_by(path.parent / "diagnosis.json", model)
-        old = {item.identity for item in self._believed.axis.effects}
-        for name, item in effect_names(model).items():
-            if item.identity in old:
-                left_out.pop(name, None)
-        why = left_out | obstacles(model)
-        why |= {name: "no topic gives its signal" for name, item in effect_names(model).items() if item.signals}
+        """Effects that are known or named, can be cancelled in the graph and matter on this run, by the model's own prediction.
+
+        None of them where no new one is among them.
+        """
+        left_out, named = told_by(path.parent / DIAGNOSIS, model)
+        effects, known = effect_names(model), {item.term for item in self._believed.axis.effects}
+        why = {name: reason for name, reason in left_out.items() if reason != UNKNOWN or effects[name].term not in known}
+        why |= obstacles(model)
+        why |= {name: "no topic gives its signal" for name, item in effects.items() if item.signals}
         control = control_of(self._file)
-        loop = replace(control.loop, compensation="model")
-        task = Task(self._reference, control.controller, loop, control.observer, settle=self._config.settle)
+        task = Task(self._reference, control.controller, control.loop, control.observer, settle=self._config.settle)
         try:
             predicted = worth(model, task, why, draws=0)
         except TcsError as error:
             self._notes.append(f"Nothing of diagnosis {number} was tried: {error}.")
             return []
-        law_alone = predicted.stage(LAW).rms
+        rms = {stage.name: stage.rms for stage in predicted.stages}
         names = []
-        for name, item in effect_names(model).items():
-            gain = None
-            if name not in why:
-                stage = name if any(one.name == name for one in predicted.stages) else ALL
-                gain = 1.0 - predicted.stage(stage).rms / law_alone
-                if abs(gain) >= MATTERS:
-                    names.append(name)
-                else:
-                    why[name] = f"it changes this run's error by less than {100.0 * MATTERS:g} %, as the model predicts"
-            self._judged[name] = Judged(name, item.words, name in names, why.get(name, ""), None)
-        return names
+        for name, item in effects.items():
+            if name not in why and abs(1.0 - rms.get(name, rms[ALL]) / rms[LAW]) >= MATTERS:
+                names.append(name)
+            elif name not in self._kept:
+                small = f"it changes this run's error by less than {100.0 * MATTERS:g} %, as the model predicts"
+                self._judged[name] = Judged(name, item.words, False, why.get(name, small), None)
+        for name in names:
+            self._judged.setdefault(name, Judged(name, effects[name].words, False, "", None))
+        return names if any(name in named for name in names) else []
 
     def _judge(self, names: list[str], chosen: Chosen) -> None:
+        """Where no set was better, what is cancelled already stays."""
+        if chosen.effects is not None:
+            self._kept = chosen.effects
         for name in names:
-            kept = chosen.effects is not None and name in chosen.effects
-            gain: Gain | None = chosen.gains.get(name)
+            kept = name in self._kept
+            if kept and chosen.effects is None:
+                continue
             why = "" if kept else "tracking is not measurably better with it"
-            self._judged[name] = replace(self._judged[name], kept=kept, why=why, gain=gain)
+            self._judged[name] = replace(self._judged[name], kept=kept, why=why, gain=chosen.gains.get(name))
 
-    async def _settle_model(self) -> None:
-        """The axis file that acts from now on has just the effects that are kept; it stays with the results."""
-        parameters: Mapping[str, object] = self.setup.models["lugre_compensator"]
-        file = load_axis(Path(str(parameters["model"])))
-        left_out = parameters["left_out"]
-        assert isinstance(left_out, list)
-        kept = tuple(item for name, item in effect_names(file.axis).items() if name not in left_out)
-        path = self._directory / "model.yaml"
-        save_axis(path, replace(file, axis=replace(file.axis, effects=kept)), "What is cancelled: verified on measured tracking")
-        self.setup = replace(self.setup, models=modelled(str(path)))
+
+def _with_effects(file: AxisFile, names: Collection[str]) -> AxisFile:
+    """An axis file with these of its effects."""
+    return file.with_axis(
+        replace(file.axis, effects=tuple(item for name, item in effect_names(file.axis).items() if name in names))
+    )
 
 
 def words_of(effects: tuple[str, ...]) -> str:
@@ -239,9 +267,4 @@ def believed(file: AxisFile, parameters: LugreParameters, simulated: bool, names
         inertia=control.controller.inertia_feedforward or file.axis.inertia,
         effects=() if simulated else file.axis.effects,
     )
-    place = namespace.rstrip("/")
-    position, velocity, torque = (
-        SignalSource(f"{place}/joint_states", field, file.axis.name) for field in ("position", "velocity", "effort")
-    )
-    reference = SignalSource(f"{place}/reference", "position")
-    return replace(file, axis=axis, signals=SignalMap(position=position, torque=torque, velocity=velocity, reference=reference))
+    return replace(file, axis=axis, signals=graph_signals(namespace.rstrip("/"), axis.name))

@@ -87,9 +87,8 @@ class Commission(AxisNode[CommissionConfig]):
         self._jobs = Jobs(self, self._waiter, "commission", self._commission, CommissionAction)
 
     def check(self, config: CommissionConfig, file: AxisFile) -> None:  # noqa: ARG002
-        for name in (config.reference_file, config.measure_file, config.diagnose_file):
-            if name or name is config.reference_file:
-                reference_file(name)
+        for name in (config.reference_file, config.measure_file, *filter(None, [config.diagnose_file])):
+            reference_file(name)
 
     def configure(self, config: CommissionConfig) -> None:
         super().configure(config)
@@ -130,9 +129,7 @@ class Commission(AxisNode[CommissionConfig]):
             if journal.stages[1:]:
                 self.get_logger().info(f"goes on after {', '.join(journal.stages[1:])}")
             try:
-                message = await self._loop(work, before, answer, diagnoses)
-                journal.finish()
-                return message
+                return await self._loop(work, before, answer, diagnoses)
             except BaseException:
                 await self._set_back(work.setup, before)
                 raise
@@ -163,7 +160,7 @@ class Commission(AxisNode[CommissionConfig]):
         base = Base("before", SetMode.Request.PLAIN, setup.plain())
         if gain.proven and self._rms(self.runs[best.after]) < self._rms(self.runs["before"]):
             work.setup, base = lugre, Base(best.after, SetMode.Request.COMPENSATE, lugre)
-        cancelled = Cancelled(work.setup, None)
+        cancelled = Cancelled()
         if diagnoses:
             cancelling = Cancelling(stages, self.file, best.parameters, base, work.setup)
             try:
@@ -228,9 +225,9 @@ class Commission(AxisNode[CommissionConfig]):
         self.outcome = result
         if directory is not None:
             await self._waiter.in_thread(lambda: write_outcome(directory, result))
+        work.stages.journal.finish()
         words = verdict(first, last, before.improvement(found or after, settle))
         if not better:
-            work.stages.journal.finish()
             raise JobError("commission", words, "less error than by chance; switches and compensation are as they were before")
         return f"{words}; cancelled: {', '.join(['friction', *answer.cancelled])}"
 

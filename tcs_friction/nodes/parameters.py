@@ -82,11 +82,12 @@ def declare(node: Node, config: Config, fixed: bool = False) -> Config:
 
 def _given(node: Node, entry: Setting, name: str, value: Any) -> Any:
     """Declares one parameter; what it is then."""
-    return node.declare_parameter(name, _as_ros(value), descriptor(entry)).value
+    return node.declare_parameter(name, as_ros(value), descriptor(entry)).value
 
 
-def _as_ros(value: Any) -> Any:
-    return (list(value) or [""]) if isinstance(value, tuple) else value
+def as_ros(value: Any) -> Any:
+    """A value as a parameter has it: an empty list is [""]."""
+    return (list(value) or [""]) if isinstance(value, list | tuple) else value
 
 
 def refuse_unknown(node: Node) -> None:
@@ -120,7 +121,7 @@ def _names(kind: type[Any], prefix: str = "") -> set[str]:
 
 def as_parameters(config: Any) -> list[Parameter]:
     """A configuration's settings as ROS parameters, without those that are fixed."""
-    return [Parameter(name, value=_as_ros(value)) for name, (entry, value) in flatten(config).items() if not entry.fixed]
+    return [Parameter(name, value=as_ros(value)) for name, (entry, value) in flatten(config).items() if not entry.fixed]
 
 
 def keep_fixed(config: Config, before: Config) -> Config:

@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.nodes.parameters import as_ros
 
 
 class RefusalError(JobError):
@@ -33,7 +34,7 @@ class Remotes:
     async def set(self, node: str, values: Mapping[str, Any], limit: float) -> None:
         """Set parameters of a node, all or none. Raises RefusalError with the node's reason, JobError when it does not answer."""
         client = self._client(SetParametersAtomically, f"{node}/set_parameters_atomically")
-        parameters = [Parameter(name, value=_typed(value)).to_parameter_msg() for name, value in values.items()]
+        parameters = [Parameter(name, value=as_ros(value)).to_parameter_msg() for name, value in values.items()]
         answer = await self._waiter.call(client, SetParametersAtomically.Request(parameters=parameters), limit)
         if not answer.result.successful:
             raise RefusalError(f"node {node}", f"refused {', '.join(values)}: {answer.result.reason}")
@@ -75,11 +76,6 @@ class Remotes:
             raise JobError(f"service {name}", answer.message)
 
 
-def _typed(value: Any) -> Any:
-    """An empty list is [""], for ROS gives an empty one no type."""
-    return value if value != [] else [""]
-
-
 def _plain(value: Any) -> Any:
-    """Lists of words without empty ones, as `_typed` has been given them."""
+    """Lists of words without empty ones, which stand for none."""
     return [item for item in value if item != ""] if isinstance(value, list) else value

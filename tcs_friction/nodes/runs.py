@@ -58,22 +58,20 @@ class Run:
         write_bag(path, [self._topic(name, namespace.rstrip("/")) for name in self.topics])
 
     @classmethod
-    def read(cls, path: Path, joint: str, namespace: str) -> Run:
-        """A run that `write` has written. Raises InputError when it cannot be read."""
-        topics = {f"{namespace.rstrip('/')}/{name}": name for name in COLUMNS}
-        bag = Bag(path)
-        for _ in bag.batches(()):
-            pass  # its channels are known now
+    def read(cls, path: Path, joint: str, namespace: str, topics: Sequence[str]) -> Run:
+        """A run that `write` has written, with these topics. Raises InputError when it cannot be read."""
+        place = namespace.rstrip("/")
         sources = {
-            name: [SignalSource(topic, field, joint if name == "joint_states" else None) for field in COLUMNS[name]]
-            for topic, name in topics.items()
-            if topic in {channel.topic for channel in bag.channels}
+            name: [
+                SignalSource(f"{place}/{name}", field, joint if name == "joint_states" else None) for field in COLUMNS[name]
+            ]
+            for name in topics
         }
-        columns, _ = read_columns(bag, [source for some in sources.values() for source in some])
+        columns, _ = read_columns(Bag(path), [source for some in sources.values() for source in some])
         found: dict[str, list[Array]] = {}
         for name, some in sources.items():
-            of_topic = columns[some[0].topic]
-            found[name] = [(of_topic.log_times - EPOCH).astype(np.float64) * 1e-9, *(of_topic.values[source] for source in some)]
+            heard = columns[f"{place}/{name}"]
+            found[name] = [(heard.log_times - EPOCH).astype(np.float64) * 1e-9, *(heard.values[source] for source in some)]
         return cls(joint, found)
 
     def _topic(self, name: str, namespace: str) -> TopicData:

@@ -144,15 +144,15 @@ class Stages:
             self.journal.clear(name)
             target = self.directory / name
             await tools.waiter.in_thread(lambda: result.write(target, tools.node.get_namespace()))
-            self.journal.note(name, True)
+            self.journal.note(name, list(result.topics))
         return result
 
     async def _read_back(self, name: str, heard_for: str) -> bool:
-        if self.directory is None or not self.journal.get(name) or (heard_for and self.journal.get(heard_for) is None):
+        topics = self.journal.get(name)
+        if self.directory is None or not topics or (heard_for and self.journal.get(heard_for) is None):
             return False
-        bag, node = self.directory / name, self.tools.node
-        read = lambda: Run.read(bag, node.file.axis.name, node.get_namespace())  # noqa: E731
-        self.runs[name] = await self.tools.waiter.in_thread(read)
+        bag, joint, namespace = self.directory / name, self.tools.node.file.axis.name, self.tools.node.get_namespace()
+        self.runs[name] = await self.tools.waiter.in_thread(lambda: Run.read(bag, joint, namespace, topics))
         return True
 
     async def identified(self, name: str) -> LugreParameters:

@@ -153,3 +153,14 @@ def _refuse_unknown(block: Mapping[str, Any], known: Iterable[str], where: str) 
     for key in block:
         if key not in tuple(known):
             raise InputError(where, f"unknown key {key!r}", nearest(str(key), known))
+
+
+def graph_signals(namespace: str, joint: str) -> SignalMap:
+    """Where a graph of nodes in a namespace such as `/azimuth` has the signals of its joint."""
+    states = f"{namespace}/joint_states"
+    return SignalMap(
+        position=SignalSource(states, "position", joint),
+        torque=SignalSource(states, "effort", joint),
+        velocity=SignalSource(states, "velocity", joint),
+        reference=SignalSource(f"{namespace}/reference", "position"),
+    )

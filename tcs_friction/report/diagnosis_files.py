@@ -20,7 +20,7 @@ from tcs_friction.errors import InputError, writing_into
 from tcs_friction.physics.axis import Axis
 from tcs_friction.report.diagnosis import write_report
 
-EXPERIMENT = "next_experiment.yaml"
+DIAGNOSIS, EXPERIMENT = "diagnosis.json", "next_experiment.yaml"
 DESCRIBED, UNKNOWN = "the diagnosis describes it only", "the diagnosis does not know it"
 
 
@@ -46,7 +46,7 @@ def write_diagnosis(directory: Path, found: Diagnosis) -> Path:
     """Write everything a diagnosis gives into `directory`; returns the report's path."""
     content = found.to_mapping()
     with staged(directory) as part:
-        write_whole(part / "diagnosis.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
+        write_whole(part / DIAGNOSIS, json.dumps(content, indent=2, allow_nan=False) + "\n")
         save_axis(part / "axis.yaml", found.axis_file, f"Diagnosed by tcs-friction: {found.statement}")
         why = None
         if found.next_experiment:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,30 +32,33 @@ TELLS_NOTHING = {"order": 7200.0, "amplitude": -3.0, "phase": 1.0}
 class Diagnosed:
     """In place of a diagnosis, which has tests of its own: writes the files of one that finds what it is told."""
 
-    def __init__(self, *found: Mapping[str, Mapping[str, float]]) -> None:
-        self.found = list(found)
+    def __init__(self, *found: Mapping[str, Mapping[str, float]] | list[dict[str, float]]) -> None:
+        """What each diagnosis finds: effects by id, or several coggings."""
+        self.found = [
+            list(one.items()) if isinstance(one, Mapping) else [("cogging", values) for values in one] for one in found
+        ]
         self.asked: list[tuple[list[str], AxisFile]] = []
 
     def __call__(self, request: Any, _live: Any, file: AxisFile, _progress: Any) -> Any:
         number = len(self.asked)
         self.asked.append(([Path(bag).name for bag in request.bags], file))
-        effects = self.found[number] if number < len(self.found) else {}
-        items = tuple(instance(effect(name), values) for name, values in effects.items())
+        effects = self.found[number] if number < len(self.found) else []
+        items = tuple(instance(effect(name), values) for name, values in effects)
         return Found(replace(file, axis=replace(file.axis, effects=(*file.axis.effects, *items))), effects)
 
 
 class Found:
     """As much of a diagnosis as the node asks for."""
 
-    def __init__(self, file: AxisFile, effects: Mapping[str, Mapping[str, float]]) -> None:
+    def __init__(self, file: AxisFile, effects: Sequence[tuple[str, Mapping[str, float]]]) -> None:
         self.axis_file = file
         self.verdict = "missing_physics" if effects else "match"
-        self.statement = f"found {', '.join(effects) or 'nothing'}"
+        self.statement = f"found {', '.join(name for name, _ in effects) or 'nothing'}"
         self.effects: list[Any] = []
         self.content = {
             "effects": [
                 {"effect": name, "parameters": {key: {"value": value, "std": 0.01} for key, value in values.items()}}
-                for name, values in effects.items()
+                for name, values in effects
             ],
             "described": [],
         }
@@ -72,7 +75,7 @@ def commissioned(
 ) -> Callable[..., tuple[Any, Diagnosed]]:
     """A graph whose plant has a ripple and whose diagnoser finds what the test says."""
 
-    def make(*found: Mapping[str, Mapping[str, float]], **settings: Any) -> tuple[Any, Diagnosed]:
+    def make(*found: Any, **settings: Any) -> tuple[Any, Diagnosed]:
         from tcs_friction.nodes import diagnoser
 
         told = Diagnosed(*found)
@@ -82,8 +85,8 @@ def commissioned(
         run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 2.0, acceleration: 5.0e-3, duration: 9.0}\n")
         measure.write_text("reference: {kind: sinusoid, amplitude: 3.0e-3, period: 10.0, duration: 12.0}\n")
         file = load_axis(CONFIG / "azimuth_1p2m.yaml")
-        ripple = instance(effect("cogging"), RIPPLE)
-        save_axis(tmp_path / "plant.yaml", file.with_axis(replace(file.axis, effects=(ripple,))))
+        effects = tuple(instance(effect("cogging"), values) for values in settings.pop("plant", (RIPPLE,)))
+        save_axis(tmp_path / "plant.yaml", file.with_axis(replace(file.axis, effects=effects)))
         values = {"axis": tmp_path / "plant.yaml", "reference_file": run, "measure_file": measure, "settle": 1.0}
         values |= {"run_until": 0.0, "answer_limit": 3.0, "results": tmp_path, "trials": 1, "diagnoses": 2} | settings
         words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
@@ -146,6 +149,34 @@ def test_what_is_found_is_cancelled_and_what_does_not_help_is_put_back(
     assert file.axis.friction.values["coulomb"] == pytest.approx(78.1, rel=0.05)
     assert {"trial_1_1", "trial_1_2", "trial_1_3"} <= {path.name for path in out.iterdir()}
     assert not (out / STATE).exists()
+
+
+def test_what_a_second_round_finds_is_cancelled_beside_what_the_first_one_kept(
+    commissioned: Callable[..., Any], tmp_path: Path
+) -> None:
+    """The first round also names a cogging that is not there, so that the names of the others change."""
+    slower, wrong = {"order": 3600.0, "amplitude": 6.0, "phase": 0.0}, {"order": 5000.0, "amplitude": 3.0, "phase": 0.0}
+    graph, told = commissioned([wrong, RIPPLE], [slower], plant=(RIPPLE, slower), diagnoses=3)
+    result = commission(graph, "out").result
+    assert result.success, result.message
+    orders = [[item.order for item in file.axis.effects] for _, file in told.asked]
+    assert orders == [[], [7200.0], [7200.0, 3600.0]], "what was put back is not believed"
+    content = json.loads((tmp_path / "out/commission.json").read_text())
+    assert content["found"]["rms"] < 0.5 * content["after"]["rms"]
+    assert sorted(load_axis(tmp_path / "out/model.yaml").axis.effects[k].order for k in (0, 1)) == [3600.0, 7200.0]
+    told_of = sorted((entry["cancelled"], entry["gain"] is not None) for entry in content["effects"])
+    assert told_of == [(False, True), (True, True), (True, True)]
+    assert content["statements"][-1] == "found nothing"
+
+
+def test_a_second_round_that_is_wrong_leaves_the_first_as_it_was(commissioned: Callable[..., Any], tmp_path: Path) -> None:
+    graph, _ = commissioned([RIPPLE], [{"order": 5000.0, "amplitude": 6.0, "phase": 0.0}])
+    result = commission(graph, "out").result
+    assert result.success, result.message
+    content = json.loads((tmp_path / "out/commission.json").read_text())
+    assert [entry["cancelled"] for entry in content["effects"]] == [True, False]
+    assert [item.order for item in load_axis(tmp_path / "out/model.yaml").axis.effects] == [7200.0]
+    assert content["found"]["rms"] < 1.5 * content["ideal"]["rms"]
 
 
 def test_a_wrong_diagnosis_changes_nothing_that_was_verified(commissioned: Callable[..., Any], tmp_path: Path) -> None:
@@ -227,7 +258,7 @@ def test_a_run_is_read_back_as_it_was(commissioned: Callable[..., Any], tmp_path
     assert commission(graph, "out").result.success
     for name in ("before", "measure", "after"):
         run = graph["commission"].runs[name]
-        again = Run.read(tmp_path / "out" / name, "azimuth", "/azimuth")
+        again = Run.read(tmp_path / "out" / name, "azimuth", "/azimuth", list(run.topics))
         assert again.topics.keys() == run.topics.keys()
         for topic, columns in run.topics.items():
             for one, other in zip(columns, again.topics[topic], strict=True):
