@@ -3,8 +3,8 @@
 Each axis hides one effect that can be cancelled, or two. It is diagnosed from a recording by the second simulator of
 `concealed_physics`; then the product's loop moves the true axis on three other motions (sidereal tracking, a satellite's pass,
 reversals), each with friction as believed, with what the diagnosis names, and with the effect switched off. The guard decides on
-measured tracking as a commissioning does, of a diagnosis as it is and of ones that were spoilt: with other signs, other phases,
-and an effect that is not there.
+measured tracking as a commissioning does, and for errors of the encoder on a fresh recording, of a diagnosis as it is and of ones
+that were spoilt: with other signs, other phases, and effects that are not there.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, simulat
 from tcs_friction.control.model_compensator import CancellationConfig, effect_names, obstacles
 from tcs_friction.control.reference import Reference, reference_from_mapping
 from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.diagnose.verification import sensor_effects, sensor_gains
 from tcs_friction.errors import TcsError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, effects, law
 from tcs_friction.physics.terms import Role, instance
+from tcs_friction.recording.recording import Recording
 
 SETTLE = 3.0  # s
 RUNS = 2  # of each motion, by which the guard decides
@@ -85,10 +87,10 @@ class Tracking:
 
 
 class Bench:
-    """One true axis under the controller that its believed inertia implies."""
+    """One true axis under the controller that its believed inertia implies. fresh: a recording that no diagnosis has seen."""
 
-    def __init__(self, true: Axis, believed: Axis, centre: float) -> None:
-        self.true = true
+    def __init__(self, true: Axis, believed: Axis, centre: float, fresh: Recording) -> None:
+        self.true, self.fresh = true, fresh
         self.references = motions(centre)
         self.controller = default_control(replace(believed, drive=true.drive)).controller
 
@@ -115,8 +117,15 @@ class Bench:
 
     def guarded(self, start: Choice, model: Axis, names: Sequence[str]) -> Choice:
         """What a commissioning would leave the axis with."""
-        found = judged(choose(names, self.measured(start)), lambda effects: self.measured(Choice(model, effects)))
-        return start if found.effects is None else Choice(model, found.effects)
+        sensed = [name for name in sensor_effects(model) if name in names]
+        gains = sensor_gains([self.fresh], model, sensed) if sensed else {}
+        sensed = [name for name in sensed if gains[name].proven]
+        others = [name for name in names if name not in sensor_effects(model)]
+        found = judged(choose(others, self.measured(start)), lambda effects: self.measured(Choice(model, (*effects, *sensed))))
+        if found.effects is not None:
+            return Choice(model, (*found.effects, *sensed))
+        items = tuple(item for name, item in effect_names(model).items() if name in sensed)
+        return Choice(replace(start.model, effects=items), tuple(effect_names(replace(start.model, effects=items))))
 
 
 @dataclass(frozen=True)
@@ -152,10 +161,12 @@ def spoilt(model: Axis, rng: np.random.Generator) -> dict[str, Axis]:
         return replace(model, effects=items)
 
     ghost = instance(effect("cogging"), {"order": 113.0, "amplitude": rng.uniform(2.0, 10.0), "phase": 1.0})
+    error = instance(effect("encoder_periodic_error"), {"order": 29.0, "amplitude": rng.uniform(1e-6, 1e-5), "phase": 1.0})
     return {
         "sign": changed(lambda p, value: -value if p.role is Role.LINEAR else value),
         "phase": changed(lambda p, value: value + 0.5 * math.pi if p.role is Role.PHASE else value),
         "ghost": model.with_effect(ghost),
+        "ghost of the encoder": model.with_effect(error),
     }
 
 
@@ -167,7 +178,7 @@ def outcome(world: World, rng: np.random.Generator) -> Outcome:
     named = {one.instance.identity for one in found.effects}
     hindered = obstacles(model)
     names = [name for name, item in effect_names(model).items() if item.identity in named and name not in hindered]
-    bench = Bench(true, believed, float(np.median(world.recording.position)))
+    bench = Bench(true, believed, float(np.median(world.recording.position)), world.recorded_again(rng))
     plain = replace(true, effects=())
     ideal = bench.tracking(Choice(plain, ()), plain)
     start = Choice(believed, ())

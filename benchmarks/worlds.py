@@ -62,7 +62,13 @@ class World:
     recording: Recording
     believed: AxisFile
     truth: Truth
+    physics: Physics
     effect_torque: Column = field(repr=False)
+
+    def recorded_again(self, rng: np.random.Generator) -> Recording:
+        """The same axis on another day: another motion, weather and noise."""
+        environment = draw_environment(rng, 1.0)
+        return _recording(environment, simulate(self.physics, environment, Encoder(), SUBSTEPS))
 
 
 def draw_world(
@@ -99,7 +105,7 @@ def draw_world(
         physics.inertia,
         {name: getattr(physics, name) for name in FRICTION},
     )
-    return World(_recording(environment, out), believe(rng, physics), truth, torque)
+    return World(_recording(environment, out), believe(rng, physics), truth, physics, torque)
 
 
 def draw_effects(rng: np.random.Generator, count: int) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ would matter on the run to be tracked. Rounds end when a diagnosis names nothing
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,18 +20,19 @@ from tcs_friction.control.guard import Chosen, choose, windowed
 from tcs_friction.control.model_compensator import effect_names, obstacles
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.control.worth import ALL, LAW, Task, worth
-from tcs_friction.errors import JobError, TcsError
+from tcs_friction.diagnose.verification import sensor_effects, sensor_gains
+from tcs_friction.errors import InputError, JobError, TcsError
 from tcs_friction.nodes.base import control_of
-from tcs_friction.nodes.files import config_file
-from tcs_friction.nodes.modes import Setup, modelled
+from tcs_friction.nodes.files import axis_file, config_file
+from tcs_friction.nodes.modes import CORRECTED, Setup, modelled
 from tcs_friction.nodes.outcome import both_directions, tracking
 from tcs_friction.nodes.runs import Run
 from tcs_friction.nodes.stages import DiagnosisError, Stages
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
-from tcs_friction.physics.terms import Instance, instance
+from tcs_friction.physics.terms import Instance, Place, instance
 from tcs_friction.recording.signals import graph_signals
-from tcs_friction.report.commission import Judged
+from tcs_friction.report.commission import TORQUE, Judged
 from tcs_friction.report.diagnosis_files import DESCRIBED, DIAGNOSIS, EXPERIMENT, UNKNOWN, told_by
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ Array = NDArray[np.float64]
 MATTERS = 0.01
 """Share of the predicted rms error below which an effect is not tried: no run of a minute shows so little."""
 COMPENSATE = SetMode.Request.COMPENSATE
+FRESH = 1
+"""Number of the noise of a simulated plant in a run that no diagnosis has seen; that of the others is 0."""
 
 
 class SetupError(JobError):
@@ -101,7 +104,8 @@ class Cancelling:
         if self._model is not None:
             path = self._directory / "model.yaml"
             save_axis(path, self._model, "What is cancelled: verified on measured tracking")
-            self.setup = replace(self.setup, models=modelled(str(path)))
+            given = {node: given for node, given in modelled(str(path)).items() if self.setup.models[node]["model"]}
+            self.setup = replace(self.setup, models={**self.setup.models, **given})
         return Cancelled(run, tuple(self._judged.values()), tuple(self._statements), tuple(self._notes))
 
     # Diagnosis
@@ -139,9 +143,11 @@ class Cancelling:
         names = self._worth_a_trial(number, path, file.axis)
         if not names:
             return None
+        sensed = await self._sensed(number, file.axis, names)
+        names = [name for name in names if name not in sensor_effects(file.axis)]
 
-        def cancelling(chosen: tuple[str, ...]) -> Setup:
-            left_out = tuple(name for name in effects if name not in chosen)
+        def cancelling(chosen: Sequence[str]) -> Setup:
+            left_out = tuple(name for name in effects if name not in (*chosen, *sensed))
             return replace(self._base.setup, switches=(False, False, True), models=modelled(str(path), left_out))
 
         stages: dict[tuple[str, ...], str] = {}
@@ -160,18 +166,21 @@ class Cancelling:
             except StopIteration as end:
                 chosen: Chosen = end.value
                 break
-        self._judge(names, chosen)
-        if chosen.effects is None:
+        self._judge(names, chosen, sensed)
+        if chosen.effects is not None:
+            self.setup = cancelling(chosen.effects)
+            self._base = Base(stages[chosen.effects], COMPENSATE, self.setup)
+            self._model = _with_effects(file, self._kept)
+        elif all(name in self._kept for name in sensed):
             return None
-        self.setup = cancelling(chosen.effects)
-        self._base = Base(stages[chosen.effects], COMPENSATE, self.setup)
-        self._model = _with_effects(file, self._kept)
+        else:
+            await self._keep_sensed(number, path, sensed)
         described = told_by(path.parent / DIAGNOSIS, file.axis)[0]
-        put_back = [name for name in names if name not in self._kept]
+        put_back = [name for name in (*names, *sensor_effects(file.axis)) if name not in self._kept]
         doubtful = {*put_back, *(name for name, why in described.items() if why == DESCRIBED)}
         self._believed = self._believed.with_axis(_with_effects(file, [n for n in effects if n not in doubtful]).axis)
         self._rename(effects, number)
-        return self._stages.runs[stages[chosen.effects]]
+        return self._corrected(self._stages.runs[self._base.stage], self._base.setup)
 
     def _rename(self, effects: Mapping[str, Instance], number: int) -> None:
         """From the names of a round's model to those of what is believed, where the second of a kind may be the first."""
@@ -180,6 +189,53 @@ class Cancelling:
         self._kept = tuple(now[name] for name in self._kept)
         judged = {now.get(name, f"{name} of round {number}"): one for name, one in self._judged.items()}
         self._judged = {name: replace(one, name=now.get(one.name, one.name)) for name, one in judged.items()}
+
+    # Effects of the sensor
+
+    async def _sensed(self, number: int, model: Axis, names: Sequence[str]) -> tuple[str, ...]:
+        """Those of these effects that are of the sensor and explain a recording made after the diagnosis."""
+        wanted = [name for name in sensor_effects(model) if name in names]
+        if not wanted:
+            return ()
+        motion, stage = self._motion(number) or self._path, f"check_{number}"
+        await self._set(self._base.setup)
+        run = await self._stages.run(stage, self._base.mode, motion, "checking what was found of the encoder", noise=FRESH)
+        effects = effect_names(model)
+        told = [name for name, item in effects.items() if not item.signals]  # the run has no other signals
+        try:
+            gains = await self._stages.tools.waiter.in_thread(
+                lambda: sensor_gains([run.recording()], only(model, told), wanted)
+            )
+        except InputError as error:
+            self._notes.append(f"Not tried: {words_of(tuple(wanted))}, since {error}.")
+            return ()
+        for name in wanted:
+            kept = gains[name].proven
+            why = "" if kept else "a recording made after the diagnosis does not show it"
+            self._judged[name] = replace(self._judged[name], kept=kept, why=why, gain=gains[name], of=TORQUE)
+        return tuple(name for name in wanted if gains[name].proven)
+
+    async def _keep_sensed(self, number: int, path: Path, sensed: Sequence[str]) -> None:
+        """Correct the position that controller and observer are given, and leave the compensation as it was."""
+        model = load_axis(path)
+        left_out = [name for name in effect_names(model.axis) if name not in sensed]
+        own = {node: {"model": str(path), "left_out": left_out} for node in CORRECTED}
+        setup = replace(self._base.setup, models={**self._base.setup.models, **own})
+        stage = f"corrected_{number}"
+        await self._errors(stage, self._base.mode, setup, "correcting the encoder")
+        self.setup = replace(self.setup, models=setup.models)
+        self._base = Base(stage, self._base.mode, setup)
+        before = self._model or self._believed
+        effects = [item for name, item in effect_names(model.axis).items() if name in sensed]
+        rest = [item for item in before.axis.effects if item.term.place is not Place.SENSOR] if self._model else []
+        self._model = before.with_axis(replace(before.axis, effects=(*rest, *effects)))
+
+    def _corrected(self, run: Run, setup: Setup) -> Run:
+        """A run as the controller saw it: without the errors of the encoder that its model knows."""
+        given = setup.models[CORRECTED[0]]
+        if not given["model"]:
+            return run
+        return run.corrected(axis_file(given["model"]).axis, given["left_out"])
 
     async def _set(self, setup: Setup) -> None:
         """Everything but the switches, which are off until the next run."""
@@ -197,8 +253,9 @@ class Cancelling:
         parts = []
         for trial in range(self._config.trials):
             name = stage if trial == 0 else f"{stage}_{trial + 1}"
-            run = tracking(await self._stages.run(name, mode, self._path, words, noise=trial))
-            parts.append(windowed(run.t, run.error, self._config.settle))
+            run = await self._stages.run(name, mode, self._path, words, noise=trial)
+            followed = tracking(self._corrected(run, setup))
+            parts.append(windowed(followed.t, followed.error, self._config.settle))
         return np.concatenate(parts)
 
     def _worth_a_trial(self, number: int, path: Path, model: Axis) -> list[str]:
@@ -230,10 +287,10 @@ class Cancelling:
             self._judged.setdefault(name, Judged(name, effects[name].words, False, "", None))
         return names if any(name in named for name in names) else []
 
-    def _judge(self, names: list[str], chosen: Chosen) -> None:
+    def _judge(self, names: Sequence[str], chosen: Chosen, sensed: Sequence[str]) -> None:
         """Where no set was better, what is cancelled already stays."""
-        if chosen.effects is not None:
-            self._kept = chosen.effects
+        before = self._kept if chosen.effects is None else chosen.effects
+        self._kept = (*before, *(name for name in sensed if name not in before))
         for name in names:
             kept = name in self._kept
             if kept and chosen.effects is None:
@@ -242,11 +299,14 @@ class Cancelling:
             self._judged[name] = replace(self._judged[name], kept=kept, why=why, gain=chosen.gains.get(name))
 
 
+def only(axis: Axis, names: Collection[str]) -> Axis:
+    """An axis with these of its effects."""
+    return replace(axis, effects=tuple(item for name, item in effect_names(axis).items() if name in names))
+
+
 def _with_effects(file: AxisFile, names: Collection[str]) -> AxisFile:
     """An axis file with these of its effects."""
-    return file.with_axis(
-        replace(file.axis, effects=tuple(item for name, item in effect_names(file.axis).items() if name in names))
-    )
+    return file.with_axis(only(file.axis, names))
 
 
 def words_of(effects: tuple[str, ...]) -> str:

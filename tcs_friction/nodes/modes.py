@@ -22,6 +22,8 @@ MODES = {
 NAMES = {SetMode.Request.PLAIN: "PLAIN", SetMode.Request.MEASURE: "MEASURE", SetMode.Request.COMPENSATE: "COMPENSATE"}
 MODELLED = ("controller", "dob", "lugre_compensator")
 """The nodes that are given an axis model whose effects are cancelled."""
+CORRECTED = ("controller", "dob")
+"""Those of them that take the model's errors of the encoder from the measured position, and nothing else."""
 FRICTION = tuple(f"{side}.{entry.name}" for side in ("positive", "negative") for entry in fields(LugreParameters))
 
 Wanted = list[tuple[str, Mapping[str, Any]]]

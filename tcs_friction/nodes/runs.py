@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tcs_friction_msgs.msg import AxisReference, FrictionEstimate
 
+from tcs_friction.control.position_correction import PositionCorrection
 from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.base import AxisNode
@@ -23,8 +24,10 @@ from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.qos import COLLECT
 from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.topic_input import EstimateInput, ReferenceInput
+from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.bags import Bag, read_columns
 from tcs_friction.recording.encode import TopicData, encoded, joint_states
+from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalSource
 from tcs_friction.recording.write import EPOCH, write_bag
 
@@ -52,6 +55,19 @@ class Run:
         a, b = self.topics[first], self.topics[second]
         _, at_a, at_b = np.intersect1d(a[0], b[0], return_indices=True)
         return [column[at_a] for column in a], [column[at_b] for column in b]
+
+    def recording(self) -> Recording:
+        """The axis' motion under its torque."""
+        t, position, velocity, torque = self.topics["joint_states"]
+        return Recording(t - t[0], position, torque, velocity, source="run")
+
+    def corrected(self, model: Axis, left_out: Collection[str]) -> Run:
+        """The run with the errors of the encoder that a model knows taken from position and speed, but those left out."""
+        t, position, velocity, torque = self.topics["joint_states"]
+        correction = PositionCorrection(model, float(np.median(np.diff(t))))
+        correction.configure(left_out, 0.0)
+        true = np.array([correction.step(q, v) for q, v in zip(position, velocity, strict=True)])
+        return replace(self, topics={**self.topics, "joint_states": [t, true[:, 0], true[:, 1], torque]})
 
     def write(self, path: Path, namespace: str) -> None:
         """A bag of the run. Raises InputError when the path exists."""

@@ -55,12 +55,16 @@ from tcs_friction.report.runs import (
     simulated_friction,
 )
 
+TRACKING, TORQUE = "tracking", "torque"
+
 
 @dataclass(frozen=True)
 class Judged:
     """An effect that a diagnosis has found: whether it is cancelled, why not, and what that was measured to be worth.
 
     name: as the model has it; words: what tells it from others of its kind. gain: None where it was not tried.
+    of: what the gain is about. TRACKING: the tracking error, rad. TORQUE, of an effect of the encoder, which measures that error
+    itself: the torque that the model leaves unexplained in a fresh recording, in standard deviations of the noise.
     """
 
     name: str
@@ -68,6 +72,7 @@ class Judged:
     kept: bool
     why: str
     gain: Gain | None
+    of: str = TRACKING
 
 
 @dataclass(frozen=True)
@@ -149,13 +154,15 @@ def _error_mapping(errors: TrackingErrors) -> dict[str, float | None]:
 
 
 def _judged_mapping(one: Judged) -> dict[str, Any]:
-    """rms in arcsec without and with the effect's cancellation; ratio: of the two in equal windows, with its 90 % interval."""
+    """rms without and with the effect's cancellation, in `unit`; ratio: of the two in equal windows, with its 90 % interval."""
     content: dict[str, Any] = {"name": one.name, "cancelled": one.kept, "why_not": one.why or None, "gain": None}
     if one.gain is not None:
-        found = one.gain.improvement
+        found, unit = one.gain.improvement, ARCSEC if one.of == TRACKING else 1.0
         content["gain"] = {
-            "rms_without": one.gain.without / ARCSEC,
-            "rms_with": one.gain.cancelled / ARCSEC,
+            "of": one.of,
+            "unit": "arcsec" if one.of == TRACKING else "standard deviations of the noise",
+            "rms_without": one.gain.without / unit,
+            "rms_with": one.gain.cancelled / unit,
             "ratio": found.ratio,
             "between": [found.lowest, found.highest],
         }
@@ -206,6 +213,9 @@ def effect_rows(result: CommissionResult) -> list[tuple[str, ...]]:
         if one.gain is not None:
             between = one.gain.improvement
             worth = f"{one.gain.without / ARCSEC:.4f}″ to {one.gain.cancelled / ARCSEC:.4f}″ rms"
+            if one.of == TORQUE:
+                size = f"{one.gain.without:.2f} to {one.gain.cancelled:.2f} times the noise"
+                worth = f"torque unexplained in a fresh recording: {size}"
             worth += f" (times {between.lowest:.3f} to {between.highest:.3f})"
         rows.append((one.words, worth, "cancelled" if one.kept else one.why))
     return rows
@@ -236,7 +246,7 @@ def write_report(directory: Path, result: CommissionResult) -> Path:
     found: list[Html] = []
     if result.judged:
         content: list[Any] = list(result.statements)
-        if any(one.gain is not None for one in result.judged):
+        if any(one.gain is not None and one.of == TRACKING for one in result.judged):
             pictures.append(draw_worth(result))
             content.append(picture(pictures[-1]))
         words = "Measured on the run to be tracked; times: 90 % interval of the error's ratio, window by window"
@@ -275,8 +285,8 @@ def sentence(result: CommissionResult) -> str:
 
 @drawn("effects", "What cancelling each effect is worth on the run that is tracked, as measured (bars: 90 % interval).")
 def draw_worth(result: CommissionResult) -> Figure:
-    """Rms tracking error without and with each effect that was tried."""
-    tried = [(one, one.gain) for one in result.judged if one.gain is not None]
+    """Rms tracking error without and with each effect that was tried on it."""
+    tried = [(one, one.gain) for one in result.judged if one.gain is not None and one.of == TRACKING]
     figure, (axes,) = panels(height=0.9 + 0.5 * len(tried))
     places = np.arange(len(tried))[::-1].astype(float)
     without = np.array([gain.without for _, gain in tried]) / ARCSEC

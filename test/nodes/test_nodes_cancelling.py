@@ -27,6 +27,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 MODELLED = ("controller", "dob", "lugre_compensator")
 RIPPLE = {"order": 7200.0, "amplitude": 3.0, "phase": 1.0}  # 2 Hz at the speed of the run
 TELLS_NOTHING = {"order": 7200.0, "amplitude": -3.0, "phase": 1.0}
+ENCODER = {"order": 12000.0, "amplitude": 2.0e-6, "phase": 0.5}  # 3.3 Hz at the speed of the run
 
 
 class Diagnosed:
@@ -86,6 +87,7 @@ def commissioned(
         measure.write_text("reference: {kind: sinusoid, amplitude: 3.0e-3, period: 10.0, duration: 12.0}\n")
         file = load_axis(CONFIG / "azimuth_1p2m.yaml")
         effects = tuple(instance(effect("cogging"), values) for values in settings.pop("plant", (RIPPLE,)))
+        effects += tuple(instance(effect("encoder_periodic_error"), values) for values in settings.pop("encoder", ()))
         save_axis(tmp_path / "plant.yaml", file.with_axis(replace(file.axis, effects=effects)))
         values = {"axis": tmp_path / "plant.yaml", "reference_file": run, "measure_file": measure, "settle": 1.0}
         values |= {"run_until": 0.0, "answer_limit": 3.0, "results": tmp_path, "trials": 1, "diagnoses": 2} | settings
@@ -190,6 +192,48 @@ def test_a_wrong_diagnosis_changes_nothing_that_was_verified(commissioned: Calla
     assert models(graph) == {("", ())}
     assert graph["lugre_compensator"].config.switch3, "friction is compensated"
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
+
+
+def test_an_error_of_the_encoder_is_corrected_where_a_fresh_recording_shows_it(
+    commissioned: Callable[..., Any], tmp_path: Path
+) -> None:
+    """The tracking error is measured by the encoder itself and says nothing of it."""
+    graph, told = commissioned({"encoder_periodic_error": ENCODER}, plant=(), encoder=(ENCODER,))
+    result = commission(graph, "out").result
+    assert result.success, result.message
+    assert list(result.cancelled) == ["encoder_periodic_error"]
+    content = json.loads((tmp_path / "out/commission.json").read_text())
+    (entry,) = content["effects"]
+    assert entry["gain"]["of"] == "torque"
+    assert entry["gain"]["between"][1] < 0.9
+    assert (tmp_path / "out/check_1").is_dir()
+    assert content["found"]["rms"] < content["after"]["rms"]
+    model = str(tmp_path / "out/model.yaml")
+    assert {graph[name].config.model for name in ("controller", "dob")} == {model}
+    assert [item.term.id for item in load_axis(Path(model)).axis.effects] == ["encoder_periodic_error"]
+    assert [item.term.id for item in told.asked[1][1].axis.effects] == ["encoder_periodic_error"], "what is known is believed"
+
+
+def test_an_error_of_the_encoder_with_the_wrong_sign_is_not_corrected(commissioned: Callable[..., Any], tmp_path: Path) -> None:
+    wrong = {**ENCODER, "amplitude": -ENCODER["amplitude"]}
+    graph, _ = commissioned({"encoder_periodic_error": wrong}, plant=(), encoder=(ENCODER,))
+    result = commission(graph, "out").result
+    assert result.success, result.message
+    (entry,) = json.loads((tmp_path / "out/commission.json").read_text())["effects"]
+    assert (entry["cancelled"], entry["why_not"]) == (False, "a recording made after the diagnosis does not show it")
+    for name in ("controller", "dob"):
+        model = graph[name].config.model
+        assert not model or load_axis(Path(model)).axis.effects == ()
+
+
+def test_what_a_torque_and_the_encoder_do_is_cancelled_together(commissioned: Callable[..., Any], tmp_path: Path) -> None:
+    graph, _ = commissioned({"cogging": RIPPLE, "encoder_periodic_error": ENCODER}, encoder=(ENCODER,))
+    result = commission(graph, "out").result
+    assert result.success, result.message
+    assert sorted(result.cancelled) == ["cogging", "encoder_periodic_error"]
+    assert models(graph) == {(str(tmp_path / "out/model.yaml"), ())}
+    content = json.loads((tmp_path / "out/commission.json").read_text())
+    assert content["found"]["rms"] < 0.6 * content["after"]["rms"]
 
 
 def test_a_motion_is_made_for_a_diagnosis_and_the_next_one_may_ask_for_another(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -148,6 +149,10 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     assert switches(graph) == (False, False, True)
     said = capfd.readouterr().err
     assert said.count("[azimuth.identifier]: identifier/identify: coulomb") == 1
+    deadline = time.monotonic() + 20.0
+    while "[azimuth.plant]: waiting: run_until" not in said and time.monotonic() < deadline:
+        time.sleep(0.1)
+        said += capfd.readouterr().err
     assert "[azimuth.plant]: waiting: run_until" in said
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
     shares = [share for share, _ in heard]
