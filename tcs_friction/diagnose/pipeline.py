@@ -14,12 +14,14 @@ or two are found whether to go on makes sense; held-out data are first looked at
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.checks import check_units
-from tcs_friction.diagnose.dataset.excitation import barred
+from tcs_friction.diagnose.dataset.excitation import barred, lacking
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
@@ -37,8 +39,10 @@ from tcs_friction.diagnose.search.stepwise import (
     select_effects,
 )
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Need
 from tcs_friction.recording.recording import Recording
 
+WRONG_INERTIA = 0.4  # of its logarithm, by which the believed inertia is not expected to be wrong: a spring feigns another
 FORGOTTEN = 10.0  # bristle deflections, after which exp(-10) is left of how friction was bent before the recording
 
 
@@ -61,7 +65,11 @@ def diagnose(
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
     balance, retuned, base = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
-    data = balance.data
+    lacks = lacking(balance.data, file.axis)
+    if Need.FREE_ACCELERATION in lacks:
+        believable = abs(math.log(retuned.axis.inertia / file.axis.inertia)) < WRONG_INERTIA
+        balance, retuned, base = _with_known_inertia(balance, retuned, base, None if believable else file.axis.inertia)
+        lacks = lacks if believable else lacks - {Need.FREE_ACCELERATION}
 
     remainder = lru_cache(maxsize=1)(partial(remainder_of, balance))  # the search and the next stage ask of one fit
     selection = select_effects(
@@ -69,7 +77,7 @@ def diagnose(
         retuned,
         base,
         file.axis,
-        barred(data, file.axis),
+        barred(lacks),
         enough=lambda base, fit: remainder(base, fit).further_effects_are_map,
         progress=progress,
     )
@@ -100,6 +108,18 @@ def _unless_contradicted_at_rest(
     if law is None:
         return balance, retuned, retuned
     return other, again, settle(other, law.axis, law.noise, rounds=2)
+
+
+def _with_known_inertia(
+    balance: TorqueBalance, retuned: Fit, base: Fit, inertia: float | None
+) -> tuple[TorqueBalance, Fit, Fit]:
+    """The same where acceleration follows position, and a spring could stand for any inertia: it stays, or is that given."""
+    known = TorqueBalance(balance.data, balance.stated_delay, inertia_known=True)
+    fits = []
+    for fit in (retuned, base):
+        axis = fit.axis if inertia is None else replace(fit.axis, inertia=inertia)
+        fits.append(settle(known, axis, white_noise(known.samples)))
+    return known, fits[0], fits[0] if base is retuned else fits[1]
 
 
 def _explanation(

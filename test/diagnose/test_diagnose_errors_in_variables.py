@@ -31,19 +31,30 @@ def test_what_noise_and_acceleration_share_is_seen_where_nothing_drives_the_axis
     residual, inertial = spectra(answer)
     residual[:, 20:40], inertial[:, 20:40] = residual[:, 20:40] + 3.0, inertial[:, 20:40] + 100.0  # driven, mismatched
     residual[:, 60] += 50.0  # a line
-    found = attenuation_bias(axis(), 1e7, FREQUENCY, residual, inertial, 100.0, np.zeros(129))
+    found = attenuation_bias(axis(), FREQUENCY, residual, inertial, 100.0, np.zeros(129))
     assert np.sum(found.whole) == pytest.approx(2.0 * 100.0 * answer * 129.0, rel=0.06, abs=700.0)
 
 
-def test_where_hardly_anything_drives_the_axis_nothing_is_corrected() -> None:
-    found = attenuation_bias(axis(), 1e5, FREQUENCY, *spectra(0.8), 100.0, np.zeros(129))
+def test_where_no_frequency_is_quiet_nothing_is_corrected() -> None:
+    residual, inertial = spectra(0.8)
+    found = attenuation_bias(axis(), FREQUENCY, residual, inertial + 100.0, 100.0, np.zeros(129))
     assert found.squares(replace(axis(), inertia=1.0)) == 0.0
+
+
+def test_an_axis_that_only_noise_moves_keeps_its_inertia() -> None:
+    """The controller answers the noise with a torque, which is no inertia and would be taken for one."""
+    recording, plant = telescope(drive_noise=0.3, speed=2e-5)
+    balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle), plant.actuation_delay)
+    fit = settle(balance, plant, white_noise(balance.samples))
+    plain = fit_untimed(balance, fit.axis, replace(fit.noise, bias=AttenuationBias()), 12)
+    assert abs(plain.axis.inertia - plant.inertia) > 0.2 * plant.inertia
+    assert fit.axis.inertia == pytest.approx(plant.inertia, rel=0.06)
 
 
 def test_a_lighter_axis_owes_more_to_noise() -> None:
     swinging = axis(item("flexible_mode", frequency=30.0, damping=0.02, inertia_ratio=0.2))
     residual, inertial = spectra(0.8)
-    found = attenuation_bias(swinging, 1e7, FREQUENCY, residual, inertial, 100.0, 0.1 * np.ones(129))
+    found = attenuation_bias(swinging, FREQUENCY, residual, inertial, 100.0, 0.1 * np.ones(129))
     free = free_parameters(swinging)
     numbers = read_numbers(swinging, free)
     for k, number in enumerate(free):

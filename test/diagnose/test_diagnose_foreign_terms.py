@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.dataset.excitation import barred
+from tcs_friction.diagnose.dataset.excitation import barred, lacking
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.outcome.plots import where
@@ -218,8 +218,8 @@ def test_what_it_needs_bars_it() -> None:
     t = to_and_fro.t
     ahead = replace(to_and_fro, position=0.05 * t + 1e-3 * np.sin(2.0 * t) + 1e-7 * np.sin(1e4 * t**2))
     axis = Axis("test", 1000.0, friction())
-    assert "guide_magnet" in barred(prepare([ahead]), axis)
-    assert "guide_magnet" not in barred(prepare([to_and_fro]), axis)
+    assert "guide_magnet" in barred(lacking(prepare([ahead]), axis))
+    assert "guide_magnet" not in barred(lacking(prepare([to_and_fro]), axis))
 
 
 def test_effects_that_complete_a_law_complete_this_one() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
@@ -21,6 +22,7 @@ ONE_SPEED = 1.5  # fastest over slowest speed
 SHORT = 20.0  # s
 FEW_REVERSALS = 4
 ONE_SINUSOID = 0.98  # correlation of acceleration with position, reversed
+AVERAGED = 1.0  # s, over which both are averaged for it
 TENTH = 0.1  # of a turn of travel
 BUILT_UP = 3.0  # bristle deflections, after which 95 % of the friction is built up in the new direction
 SEEN = 6.0  # standard deviations of the position's noise, that a motion one way must cover to be one
@@ -40,10 +42,14 @@ def limits(data: DataSet, axis: Axis) -> tuple[str, ...]:
     return tuple(limit.line for limit in _found(data, axis))
 
 
-def barred(data: DataSet, axis: Axis) -> frozenset[str]:
-    """Effects that no diagnosis of this data should name."""
-    lacking = frozenset[Need]().union(*(limit.lacking for limit in _found(data, axis)))
-    return frozenset(name for name, term in effects().items() if term.needs & lacking)
+def lacking(data: DataSet, axis: Axis) -> frozenset[Need]:
+    """What effects may need and this data does not have."""
+    return frozenset[Need]().union(*(limit.lacking for limit in _found(data, axis)))
+
+
+def barred(lacks: frozenset[Need]) -> frozenset[str]:
+    """Effects that no diagnosis of data that lacks this should name."""
+    return frozenset(name for name, term in effects().items() if term.needs & lacks)
 
 
 def passed_once(data: DataSet, found: Sequence[Instance]) -> tuple[str, ...]:
@@ -122,7 +128,7 @@ def _found(data: DataSet, axis: Axis) -> list[Limit]:
         *_direction(data, moving),
         *_speed(moving, axis),
         *_acceleration(data, axis),
-        *_swing(data),
+        *_swing(data, axis),
         *_extent(data, axis),
     ]
 
@@ -194,9 +200,15 @@ def _acceleration(data: DataSet, axis: Axis) -> list[Limit]:
     ]
 
 
-def _swing(data: DataSet) -> list[Limit]:
-    position, acceleration = data.joined("position"), data.joined("acceleration")
-    if -float(np.corrcoef(position, acceleration)[0, 1]) < ONE_SINUSOID:
+def _swing(data: DataSet, axis: Axis) -> list[Limit]:
+    """Slow means are compared: noise moves the axis, too, and faster than the reference."""
+    window = max(1, round(min(AVERAGED, period(data, axis) / 10.0) / data.dt))
+    ends = list(itertools.pairwise(data.ends))
+    means = [
+        np.concatenate([ndimage.uniform_filter1d(data.joined(name)[a:b], window) for a, b in ends])
+        for name in ("position", "acceleration")
+    ]
+    if -float(np.corrcoef(*means)[0, 1]) < ONE_SINUSOID:
         return []
     return [
         Limit(

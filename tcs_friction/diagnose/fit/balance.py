@@ -40,12 +40,13 @@ SHORTEST_FILTER = 4  # samples on either side
 class TorqueBalance:
     """Torque balances over one data set.
 
-    stated_delay: s, of the axis file, known delay between the logged torque and its action.
+    stated_delay: s, of the axis file, known delay between the logged torque and its action. inertia_known: it is not fitted.
     """
 
-    def __init__(self, data: DataSet, stated_delay: float = 0.0) -> None:
+    def __init__(self, data: DataSet, stated_delay: float = 0.0, inertia_known: bool = False) -> None:
         self.data = data
         self.stated_delay = stated_delay
+        self.inertia_known = inertia_known
         self.samples = compared_samples(data, _filter_half_length(data))
         self.train, self.held_out = self.samples.train, self.samples.held_out
         self.torque_size = rms(data.joined("torque")[self.train])
@@ -62,7 +63,7 @@ class TorqueBalance:
 
         An axis with an effect that is a pure delay has its alignment in that.
         """
-        free = free_parameters(axis)
+        free = [number for number in free_parameters(axis) if not (self.inertia_known and number.part is Part.INERTIA)]
         if any(item.term.alignment for item in axis.effects):
             return free
         bounds = (max(self.stated_delay - HELD * self.data.period, 0.0), self.stated_delay + self.alignment_leeway)

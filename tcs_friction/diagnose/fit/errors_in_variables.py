@@ -34,7 +34,6 @@ SMOOTHED_BINS = 9  # frequencies averaged for one estimate of power: 18 degrees 
 FEWEST_QUIET_BLOCKS = 8  # at a frequency, from which their mean correlation is known to about a third of its own scatter
 QUIET_MOTION = 10.0  # times the noise power; motion below it answers noise alone, driven motion is orders of magnitude above
 SPECTRAL_LINE = 16.0  # times the noise power; white noise exceeds it once in exp(16), so it is a line
-DETERMINED_BY = 10.0  # times the power of quiet motion that all motion must have for the recording to determine the inertia
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +53,8 @@ class AttenuationBias:
 
     def squares(self, axis: Axis) -> float:
         """Whitened squares by which noise makes the residual of an axis smaller; negative for a heavier axis."""
-        squares = -math.log(axis.inertia / self.inertia) * float(np.sum(self.whole))
+        heavier, whole = axis.inertia / self.inertia, float(np.sum(self.whole))
+        squares = max(-whole * math.log(heavier), -whole * (heavier - 1.0))
         if resonant_bodies(axis):
             gain = np.abs(motion_gain(axis, self.frequency)) ** 2
             common = np.minimum(self.whole, 2.0 * self.count)
@@ -78,7 +78,6 @@ class AttenuationBias:
 
 def attenuation_bias(
     axis: Axis,
-    driven: float,
     frequency: np.ndarray,
     residual: np.ndarray,
     inertial: np.ndarray,
@@ -87,17 +86,14 @@ def attenuation_bias(
 ) -> AttenuationBias:
     """The bias from spectra (blocks, m) of an axis' whitened residual and inertial torque at `frequency` (m,), Hz.
 
-    White noise has spectra of deviation one. driven: all squares of the whitened inertial torque. count: whitened numbers
-    that each frequency stands for. allowed (m,): share of the noise that the residual corrects for bodies by itself. No bias
-    is returned where hardly anything drives the axis: its inertia is not determined then, and the one that predicts best
-    stays.
+    White noise has spectra of deviation one. count: whitened numbers that each frequency stands for. allowed (m,): share of the
+    noise that the residual corrects for bodies by itself. No bias is returned where no frequency is quiet for long enough.
     """
     power = np.abs(inertial) ** 2
     slow = ndimage.uniform_filter1d(power, SMOOTHED_BINS, axis=1, mode="nearest") < QUIET_MOTION
     quiet = slow & (np.abs(residual) ** 2 < SPECTRAL_LINE)
     known = np.flatnonzero(np.sum(quiet, axis=0) >= FEWEST_QUIET_BLOCKS)
-    answers = count * len(frequency) * np.mean(power, where=quiet) if len(known) else math.inf
-    if driven < DETERMINED_BY * answers:
+    if not len(known):
         return AttenuationBias()
     common = np.mean(-(np.conj(residual) * inertial).real[:, known], axis=0, where=quiet[:, known])
     common = ndimage.uniform_filter1d(common, SMOOTHED_BINS, mode="nearest")

@@ -19,9 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, times_torque
-from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias
 from tcs_friction.diagnose.fit.noise import NoiseModel, Squares
-from tcs_friction.diagnose.fit.noise_estimate import estimated, with_spectrum
+from tcs_friction.diagnose.fit.noise_estimate import estimated, with_bias, with_spectrum
 from tcs_friction.diagnose.fit.parameters import (
     Form,
     FreeNumber,
@@ -81,7 +80,7 @@ def prior(free: Sequence[FreeNumber]) -> np.ndarray:
 
 def settle(balance: TorqueBalance, axis: Axis, noise: NoiseModel, rounds: int = 3) -> Fit:
     """Joint fit of everything the axis has, in turn with estimates of the noise; `noise` is the model so far."""
-    noise = with_spectrum(balance, noise, balance.residual(axis, noise), axis.inertia)
+    noise = with_bias(balance, axis, with_spectrum(balance, noise, balance.residual(axis, noise), axis.inertia))
     iterations = FIRST_ITERATIONS
     for _ in range(rounds):
         fit = fit_untimed(balance, fit_timing(balance, axis, noise, iterations), noise, iterations)
@@ -196,7 +195,7 @@ class _WhitenedResidual:
         drive_only: bool,
     ) -> None:
         self.balance, self.free, self.noise, self.drive_only = balance, free, noise, drive_only
-        self.bias = AttenuationBias() if drive_only else noise.bias
+        self.bias = noise.drive_bias if drive_only else noise.bias
         self.start = read_numbers(start, free)
         self.strength = 1.0 / np.asarray(prior) ** 2
         self.held = np.zeros(len(free), bool) if held is None else held

@@ -12,7 +12,7 @@ noise model: their squares are in units of it. Source: prewhitening, Ljung, Syst
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import fft, ndimage
@@ -140,6 +140,12 @@ class NoiseModel:
     encoder_share: np.ndarray
     local_weight: np.ndarray
     bias: AttenuationBias = field(default_factory=AttenuationBias)
+
+    @property
+    def drive_bias(self) -> AttenuationBias:
+        """The bias of squares that are weighted by the share of the noise that does not come from the encoder."""
+        weight = (1.0 - self.encoder_share_at(self.bias.frequency)) ** 2
+        return replace(self.bias, whole=self.bias.whole * weight)
 
     def encoder_share_at(self, frequency: np.ndarray) -> np.ndarray:
         """Share of the encoder in the noise power at frequencies (k,), Hz."""

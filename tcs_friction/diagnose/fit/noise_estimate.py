@@ -18,7 +18,7 @@ import numpy as np
 from scipy import fft, ndimage, signal
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias, attenuation_bias
+from tcs_friction.diagnose.fit.errors_in_variables import QUIET_MOTION, attenuation_bias
 from tcs_friction.diagnose.fit.noise import ComparedSamples, NoiseModel, whitening_filter
 from tcs_friction.diagnose.fit.parameters import INERTIA
 from tcs_friction.physics.axis import Axis
@@ -29,6 +29,7 @@ BLOCKS_WANTED = 24.0  # of the periodogram: their median scatters by 0.3 before 
 BLOCK_EXPONENTS = (5, 10)  # blocks of 32 to 1024 samples
 SMOOTHED_SHARE = 32  # the median over frequencies spans this part of the spectrum
 LEAST_POWER = 1e-12  # of the largest: a spectrum must not vanish
+NEIGHBOURS = 3  # frequencies whose mean power says whether motion is driven there
 LEVEL_SECONDS = 1.0  # over which the noise level may change
 SHORTEST_LEVEL_WINDOW = 8  # samples
 LOUDEST_NOISE = 4.0  # times the usual power; what is louder is missing physics and keeps its weight
@@ -40,7 +41,7 @@ def estimated(balance: TorqueBalance, axis: Axis, noise: NoiseModel) -> NoiseMod
     residual = balance.residual(axis, noise)
     noise = with_spectrum(balance, noise, residual, axis.inertia)
     noise = replace(noise, local_weight=_local_weight(noise, residual))
-    return replace(noise, bias=_bias(balance, axis, noise, residual))
+    return with_bias(balance, axis, noise, residual)
 
 
 def with_spectrum(
@@ -125,6 +126,21 @@ def _periodograms(
     return np.fft.rfftfreq(length, samples.dt), spectra
 
 
+def driven_part(noise: NoiseModel, inertial: np.ndarray) -> np.ndarray:
+    """An inertial torque (n,), N m, without what is no larger than answers to noise, block by block of time and by frequency."""
+    result = np.zeros(len(inertial))
+    white = noise.whitening.apply(inertial, noise.samples)
+    for s in noise.samples.stretches:
+        count = s.stop - s.start
+        block = min(1 << BLOCK_EXPONENTS[1], count)
+        _, _, spectra = signal.stft(white[s], nperseg=block, scaling="psd")
+        power = ndimage.uniform_filter1d(np.abs(spectra) ** 2, NEIGHBOURS, axis=0, mode="nearest")
+        _, _, spectra = signal.stft(inertial[s], nperseg=block)
+        _, kept = signal.istft(np.where(power > QUIET_MOTION, spectra, 0.0), nperseg=block)
+        result[s] = kept[:count]
+    return result
+
+
 def _local_weight(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
     """1/variance (n,) of the whitened residual relative to the record's: a recording is quieter at rest than in a manoeuvre."""
     samples = noise.samples
@@ -142,14 +158,16 @@ def _local_weight(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / np.clip(power / (usual * spread), 1.0, LOUDEST_NOISE))
 
 
-def _bias(balance: TorqueBalance, axis: Axis, noise: NoiseModel, residual: np.ndarray) -> AttenuationBias:
-    """What of the residual's noise is in the acceleration, too."""
+def with_bias(balance: TorqueBalance, axis: Axis, noise: NoiseModel, residual: np.ndarray | None = None) -> NoiseModel:
+    """The model with what of the noise in an axis' residual is in its acceleration, too."""
+    if residual is None:
+        residual = balance.residual(axis, noise)
     inertial = -balance.jacobian(axis, [INERTIA], noise, residual)[:, 0]
     white = [noise.on_all_samples(x) for x in (noise.whiten(residual), inertial)]
     frequency, spectra = _periodograms(noise.samples, white)
     inside = frequency < noise.samples.cutoff
     in_residual, in_motion = (x[:, inside] for x in spectra)
-    driven, count = float(inertial @ inertial), len(noise.samples.rows) / len(frequency)
+    count = len(noise.samples.rows) / len(frequency)
     frequency = frequency[inside]
     allowed = noise.encoder_share_at(frequency)
-    return attenuation_bias(axis, driven, frequency, in_residual, in_motion, count, allowed)
+    return replace(noise, bias=attenuation_bias(axis, frequency, in_residual, in_motion, count, allowed))

@@ -24,7 +24,8 @@ from tcs_friction.diagnose.dataset.coordinates import values_of
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise import NoiseModel
-from tcs_friction.diagnose.fit.noise_estimate import noise_floor
+from tcs_friction.diagnose.fit.noise_estimate import driven_part, noise_floor
+from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.remainder.chunk_means import ChunkMeans, slow_excess
 from tcs_friction.diagnose.search.matched_filter import padded_length
@@ -124,6 +125,9 @@ class _SlowResidual:
         self.residual = residual
         self.chunks = ChunkMeans(balance, noise, residual)
         derivatives = balance.derivatives(fit.axis, fit.free, noise, residual)
+        for k, number in enumerate(fit.free):
+            if number.part is Part.INERTIA:  # beside a map it would take the noise in the acceleration
+                derivatives[:, k] = driven_part(noise, derivatives[:, k])
         self.base = np.column_stack([np.ones(self.chunks.count), self.chunks.mean(derivatives)])  # a constant torque is no map
         self.white_base = self.chunks.whiten(self.base)
         norms = np.linalg.norm(self.white_base, axis=0)

@@ -144,7 +144,8 @@ def _gains_apart_from_noise(
     """Squares that effects which feed on noise gain where that noise is not, and how many units of it they need there.
 
     What they gain must show in the slow part of the residual; of collisions, beyond what blurred signals explain; of a mode,
-    in the torque too; of friction that follows the load, with the load taken from the motion.
+    in the torque too; of friction that follows the load, with the load taken from the motion; of that and of a filter of the drive,
+    where the torque is driven.
     """
     needed = chance(start.count, start.alternatives)
     terms = [item.term for item in items]
@@ -161,6 +162,7 @@ def _gains_apart_from_noise(
             others = _without(fit, item, balance)
             by_motion = gain_by_load_from_motion(ProjectedResidual(balance, others), item)
             yield by_motion, threshold(balance, [item.term], 1)
+        if follows_load(item.term) or item.term.filters:
             yield _gain_where_driven(balance, base, fit), needed
 
 
@@ -224,7 +226,8 @@ def _gain_where_driven(balance: TorqueBalance, base: Fit, fit: Fit) -> float:
 
     A torque that is not logged moves the axis, and the controller answers it: noise of the residual is in both, with up to
     ANSWERED times its power, and a multiple of them takes that share of it away. That is no gain, nor is a smaller residual
-    of an axis that is smaller in all: noise is compared as the acceleration that it makes.
+    of an axis that is smaller in all: noise is compared as the acceleration that it makes. Nor is less than the noise: a lag
+    filters the noise of the logged torque, and no physics foretells that.
     """
     noise = base.noise
     white_level = noise.samples.white_level
@@ -233,4 +236,5 @@ def _gain_where_driven(balance: TorqueBalance, base: Fit, fit: Fit) -> float:
     driven = times > DRIVEN
     before, after = (noise.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
     after = after * (base.axis.inertia / fit.axis.inertia) ** 2
+    after = np.maximum(ndimage.uniform_filter1d(after, SPECTRUM_NEIGHBOURS), white_level)
     return float(np.sum((before - after)[driven]) - ANSWERED * white_level * np.sum(1.0 / times[driven]))
