@@ -14,6 +14,7 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias, attenuation_bias
 from tcs_friction.diagnose.fit.joint_fit import fit_untimed, settle
 from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.fit.noise_estimate import driven_part
 from tcs_friction.diagnose.fit.parameters import Part, free_parameters, read_numbers, with_numbers
 
 FREQUENCY = np.linspace(0.0, 20.0, 129)
@@ -41,14 +42,25 @@ def test_where_no_frequency_is_quiet_nothing_is_corrected() -> None:
     assert found.squares(replace(axis(), inertia=1.0)) == 0.0
 
 
-def test_an_axis_that_only_noise_moves_keeps_its_inertia() -> None:
-    """The controller answers the noise with a torque, which is no inertia and would be taken for one."""
-    recording, plant = telescope(drive_noise=0.3, speed=2e-5)
+@pytest.mark.parametrize("answer", [-0.8, 0.8])
+def test_far_from_the_axis_noise_gives_no_more_than_near_it(answer: float) -> None:
+    """The squares that noise gives to another inertia are never counted as too few."""
+    found = attenuation_bias(axis(), FREQUENCY, *spectra(answer), 100.0, np.zeros(129))
+    whole = float(np.sum(found.whole))
+    for factor in (0.5, 0.8, 1.25, 2.0):
+        squares = found.squares(replace(axis(), inertia=factor * axis().inertia))
+        assert squares >= max(whole * (1.0 - factor), -whole * np.log(factor)) - 1e-9
+
+
+def test_the_driven_part_of_an_acceleration_has_the_reference_and_not_the_noise() -> None:
+    recording, plant = telescope(drive_noise=0.3, speed=0.01)
     balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle), plant.actuation_delay)
     fit = settle(balance, plant, white_noise(balance.samples))
-    plain = fit_untimed(balance, fit.axis, replace(fit.noise, bias=AttenuationBias()), 12)
-    assert abs(plain.axis.inertia - plant.inertia) > 0.2 * plant.inertia
-    assert fit.axis.inertia == pytest.approx(plant.inertia, rel=0.06)
+    noise = np.random.default_rng(1).standard_normal(len(balance.train)) * 0.1
+    wave = 5.0 * np.sin(0.5 * balance.data.joined("t"))
+    assert np.std(driven_part(fit.noise, noise)) < 0.1 * np.std(noise)
+    found = driven_part(fit.noise, noise + wave)
+    assert np.std(found - wave) < 0.2 * np.std(noise + wave)
 
 
 def test_a_lighter_axis_owes_more_to_noise() -> None:

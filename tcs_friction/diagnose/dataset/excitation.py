@@ -204,11 +204,11 @@ def _swing(data: DataSet, axis: Axis) -> list[Limit]:
     """Slow means are compared: noise moves the axis, too, and faster than the reference."""
     window = max(1, round(min(AVERAGED, period(data, axis) / 10.0) / data.dt))
     ends = list(itertools.pairwise(data.ends))
-    means = [
+    position, acceleration = (
         np.concatenate([ndimage.uniform_filter1d(data.joined(name)[a:b], window) for a, b in ends])
         for name in ("position", "acceleration")
-    ]
-    if -float(np.corrcoef(*means)[0, 1]) < ONE_SINUSOID:
+    )
+    if -float(np.corrcoef(position, acceleration)[0, 1]) < ONE_SINUSOID:
         return []
     return [
         Limit(

@@ -144,8 +144,8 @@ def _gains_apart_from_noise(
     """Squares that effects which feed on noise gain where that noise is not, and how many units of it they need there.
 
     What they gain must show in the slow part of the residual; of collisions, beyond what blurred signals explain; of a mode,
-    in the torque too; of friction that follows the load, with the load taken from the motion; of that and of a filter of the drive,
-    where the torque is driven.
+    in the torque too; of friction that follows the load, with the load taken from the motion; of that and of filters of the
+    drive, where the torque is driven.
     """
     needed = chance(start.count, start.alternatives)
     terms = [item.term for item in items]
