@@ -21,16 +21,16 @@ def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_r
 
 def add_plant(parser: argparse.ArgumentParser) -> None:
     """--plant, --model and --joint: what is moved."""
-    parser.add_argument(
-        "--plant", choices=(SIMULATED, MUJOCO), default=SIMULATED, help="the axis file's own physics, or MuJoCo's (default: %(default)s)"
-    )
+    what = "whose physics: the axis file's own, or a MuJoCo model's (default: %(default)s)"
+    parser.add_argument("--plant", choices=(SIMULATED, MUJOCO), default=SIMULATED, help=what)
     parser.add_argument("--model", metavar="FILE.xml", help=f"MuJoCo: model, a path or a name in config (default: {MOUNT})")
     add_joint(parser)
 
 
 def add_joint(parser: argparse.ArgumentParser) -> None:
     """--joint: which joint of a MuJoCo model is the axis."""
-    parser.add_argument("--joint", default="", metavar="NAME", help="MuJoCo: joint that is the axis (default: the one with its name)")
+    which = "MuJoCo: joint that is the axis (default: the one that has its name)"
+    parser.add_argument("--joint", default="", metavar="NAME", help=which)
 
 
 def check_plant(arguments: argparse.Namespace) -> None:

@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def plant_of(model: str, joint: str, notes: list[str]) -> PlantMaker:
-    """A joint of a MuJoCo model as the plant, "" for the one that has the axis' name; `notes` gets what was changed in the model."""
+    """A joint of a MuJoCo model, "" for the one that has the axis' name; `notes` gets what was changed in the model."""
     path = Path(model)
     if not path.is_file():
         with contextlib.suppress(InputError):

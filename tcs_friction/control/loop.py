@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tcs_friction.control.compensator import (
     STATES,
@@ -34,7 +34,6 @@ from tcs_friction.control.observer import REST, ObserverConfig, observer_step, p
 from tcs_friction.control.pid import STATES as PID_STATES
 from tcs_friction.control.pid import PidConfig, pid_parameters, pid_step
 from tcs_friction.control.position_correction import PositionCorrection, correct
-from tcs_friction.control.reference import Reference
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
@@ -45,6 +44,16 @@ from tcs_friction.physics.terms import TEMPERATURE, instance
 Array = NDArray[np.float64]
 
 _NEGLIGIBLE = 1e-9  # N m, dry friction of an axis whose friction is switched off
+
+
+class Wanted(Protocol):
+    """What a loop needs of a reference: a `Reference`, or another course over time."""
+
+    @property
+    def duration(self) -> float: ...
+    def over(self, times: ArrayLike) -> Array: ...
+
+
 PlantMaker = Callable[[Axis, float, int, float], Simulator]
 """Makes what stands in for the simulated axis, of the axis, the period (s), a seed and the position (rad) at which it begins."""
 COMPENSATIONS = ("none", "lugre", "stribeck", "model")
@@ -112,7 +121,7 @@ def without_friction(axis: Axis) -> Axis:
 
 def simulate_loop(
     axis: Axis,
-    reference: Reference,
+    reference: Wanted,
     controller: PidConfig,
     config: LoopConfig | None = None,
     observer: ObserverConfig | None = None,
@@ -126,8 +135,8 @@ def simulate_loop(
     """Run the closed loop over the reference's duration, from rest at the reference's first position.
 
     `temperature` (degC) is one value or (n,), and each signal of `exogenous` is (n,), at the n ticks of
-    `ticks(reference, config)`. Same arguments, same result, bit for bit. `plant` makes another simulator that is moved in place of the
-    axis, in a loop that is not compiled as a whole.
+    `ticks(reference, config)`. Same arguments, same result, bit for bit. `plant` makes another simulator, which is moved in
+    place of the axis by a loop that is not compiled as a whole.
 
     Raises
     ------
@@ -194,7 +203,7 @@ def _surroundings(temperature: Array, exogenous: Mapping[str, Array], period: fl
     return np.column_stack(columns)
 
 
-def ticks(reference: Reference, config: LoopConfig) -> Array:
+def ticks(reference: Wanted, config: LoopConfig) -> Array:
     """The instants (n,) of a run over the reference's duration, s."""
     count = round(reference.duration / config.period) + 1
     times: Array = config.period * np.arange(count, dtype=np.float64)

@@ -63,7 +63,7 @@ class CommissionConfig(ResultsConfig, Ranges, ClockConfig):
     answer_limit: float = setting(5.0, "s", 0.1, 600.0, "a node that does not answer for so long is missing")
     stall_limit: float = setting(10.0, "s", 0.1, 600.0, "a run that does not advance for so long is given up")
     simulated: bool = switch(True, "the plant is a simulation: start it anew for every run")
-    truth: bool = switch(True, "a simulated plant is what the axis file says: compare with that, and conceal its effects from diagnoses")
+    truth: bool = switch(True, "a simulated plant is what the axis file says: compare with it, tell no diagnosis of its effects")
 
     @property
     def known(self) -> bool:

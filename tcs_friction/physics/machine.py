@@ -412,7 +412,6 @@ def evaluate_demand(
 @njit(cache=True, error_model="numpy", nogil=True)
 def evaluate_drive(m: Machine, t: Any, motion: Any, torque: Any, signals: Any, out: Any) -> None:
     """Torque at the rotor (n,), N m, that the drive gives of a logged one; arguments as for `evaluate_demand`."""
-    at = m.motion
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         measured_instant(m, t[i], dt, motion[0, i], motion[1, i], motion[2, i], signals, i)

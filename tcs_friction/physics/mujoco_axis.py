@@ -27,17 +27,18 @@ def engine() -> Any:
     try:
         import mujoco
     except ImportError:
-        raise InputError("MuJoCo", "the package is not installed", "./tcs graph --plant mujoco once, or pip install mujoco") from None
+        raise InputError("MuJoCo", "the package is not installed", "./tcs node mujoco_plant, or pip install mujoco") from None
     if mujoco.get_mju_user_warning() is None:  # by default it writes a file where the process was started
         mujoco.set_mju_user_warning(lambda text: None)  # noqa: ARG005 the engine gives it one
     return mujoco
 
 
 class MujocoSimulator(Simulator):
-    """A joint of a MuJoCo model that advances one control period at a time. Same model, seed and commands: same motion, bit for bit.
+    """A joint of a MuJoCo model that advances one control period at a time.
 
-    It begins at rest at `position`; other joints begin as keyframe `home` has them, without one at the model's zero. `friction` is 0:
-    the engine does not tell what of its torques is friction, and all of them are in `opposing`.
+    It begins at rest at `position`; other joints begin as keyframe `home` has them, without one at the model's zero. `friction`
+    is 0: the engine does not tell what of its torques is friction, and all of them are in `opposing`. Same model, seed and
+    commands: same motion, bit for bit.
 
     Parameters
     ----------
