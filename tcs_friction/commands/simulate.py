@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcs_friction.commands.inputs import MUJOCO, SIMULATED, add_plant, check_plant
+from tcs_friction.commands.inputs import MUJOCO, add_plant, check_plant
 from tcs_friction.config import AxisFile, Control, default_control, load_axis, shipped
 from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, PlantMaker, simulate_loop, ticks
 from tcs_friction.control.model_compensator import signals_of
@@ -71,7 +71,10 @@ def run(arguments: argparse.Namespace) -> None:
     control = file.control or default_control(file.axis)
     signals = file.signals or default_signals(file.axis.name)
     temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings)
-    notes = [*(file.axis.warnings() if arguments.plant == SIMULATED else []), *notes]
+    if arguments.plant == MUJOCO:
+        notes = [f"{arguments.axis}: its effects are not simulated, the model is"] if file.axis.effects else []
+    else:
+        notes = [*file.axis.warnings(), *notes]
     loop = simulate_loop(
         file.axis,
         reference,

@@ -67,6 +67,7 @@ class Way:
     def __init__(self, stretch: Stretch) -> None:
         self._begin, end = float(stretch.t[0]), float(stretch.t[-1])
         self._path = CubicHermiteSpline(stretch.t, stretch.position, stretch.velocity)
+        self._acceleration = stretch.t, stretch.acceleration
         self._position, self._speed = float(stretch.position[0]), float(stretch.velocity[0])
         hardest = float(np.abs(stretch.acceleration).max())
         self.start = max(SHORTEST_START, abs(self._speed) / hardest if hardest > 0.0 else 0.0)
@@ -76,7 +77,7 @@ class Way:
         """Shape (n, 3): position (rad), speed (rad/s) and acceleration (rad/s^2) at each of n times (s)."""
         t = np.asarray(times, dtype=np.float64) - self.start
         along = np.maximum(t, 0.0) + self._begin
-        path = [self._path(along), self._path(along, 1), self._path(along, 2)]
+        path = [self._path(along), self._path(along, 1), np.interp(along, *self._acceleration)]
         left = self._speed / self.start  # rad/s^2, constant while the speed grows from nothing
         before = [self._position + t * (self._speed + 0.5 * left * t), self._speed + left * t, np.full_like(t, left)]
         return np.ascontiguousarray(np.where(t < 0.0, before, path).T)

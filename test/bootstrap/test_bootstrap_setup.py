@@ -278,8 +278,8 @@ def test_optional_sets_are_installed_once(
     assert "no network; going on without" in capsys.readouterr().err
     (checkout / f".tcs/venv/{group}.stamp").write_text(module.packages_fingerprint())
     module.install_optional(words)
-    for others in (["identify", "bag"], ["diagnose", "bag", "--against", "other.bag"], ["graph", "my.xml", "--plant", "simulated"]):
-        module.install_optional(others)
+    for others in ("identify bag", "diagnose bag --against other.bag", "graph my.yaml --plant simulated"):
+        module.install_optional(others.split())
     assert len(calls) == 1
 
 

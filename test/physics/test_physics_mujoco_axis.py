@@ -210,7 +210,7 @@ def test_what_cannot_be_the_axis_is_named(tmp_path: Path) -> None:
 def test_a_bad_file_is_one_line_with_the_engine_s_words(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text("<mujoco><worldbodies/></mujoco>")
-    with pytest.raises(InputError, match="not read by MuJoCo .*unrecognized element.*line 1") as caught:
+    with pytest.raises(InputError, match=r"not read by MuJoCo .*unrecognized element.*line 1") as caught:
         MujocoSimulator(axis(), path, "test", PERIOD)
     assert "\n" not in str(caught.value)
 
@@ -219,12 +219,11 @@ def test_an_unstable_model_says_so_and_leaves_no_log_behind(tmp_path: Path, monk
     monkeypatch.chdir(tmp_path)
     simulator = MujocoSimulator(axis(), model(tmp_path), "test", PERIOD)
     with pytest.raises(JobError, match=r"became unstable at 0\.0\d+ s"):
-        for _ in range(20):
-            simulator.step(1e30)
+        sum(simulator.step(1e30) for _ in range(20))
     assert [path.name for path in tmp_path.iterdir()] == ["model.xml"]
 
 
 def test_a_missing_package_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    with pytest.raises(InputError, match="MuJoCo: the package is not installed, expected .*pip install mujoco"):
+    with pytest.raises(InputError, match=r"MuJoCo: the package is not installed, expected .*pip install mujoco"):
         MujocoSimulator(axis(), model(tmp_path), "test", PERIOD)
