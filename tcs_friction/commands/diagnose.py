@@ -60,6 +60,8 @@ def run(arguments: argparse.Namespace) -> None:
         recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
         begin = 0.0 if arguments.against is None else 0.5
         found = diagnose(recordings, file, lambda share, stage: progress(begin + (1.0 - begin) * share, stage))
+        if remark:
+            found = replace(found, evidence=replace(found.evidence, notes=(f"Believed: {remark}.", *found.evidence.notes)))
         progress(1.0, "writing")
         report = write_diagnosis(arguments.output, found)
     tell_notes(recordings)
