@@ -50,9 +50,9 @@ class MujocoPlant(Plant):
             raise InputError("mujoco_plant: truth", found, "false; for the node commission too")
         super().check(config, file)
 
-    def _identity(self, config: PlantConfig) -> tuple[object, ...]:
+    def _identity(self, config: PlantConfig, file: AxisFile) -> tuple[object, ...]:
         assert isinstance(config, MujocoPlantConfig)
-        return *super()._identity(config), config.mujoco_model, config.mujoco_joint
+        return *super()._identity(config, file), config.mujoco_model, config.mujoco_joint
 
     def _make(self, config: PlantConfig, file: AxisFile) -> MujocoSimulator:
         assert isinstance(config, MujocoPlantConfig)

@@ -74,7 +74,6 @@ class Plant(ManagedNode[PlantConfig]):
         self._truths = self.create_publisher(FrictionEstimate, "true_friction", PUBLISH)
         self._temperatures = self.create_publisher(Temperature, "temperature", PUBLISH)
         self._wrenches = self.create_publisher(WrenchStamped, "dynamometer", PUBLISH)
-        self._made: tuple[object, ...] = ()
         self._timer = None
         self._command: float | None = None
         self._commanded = -math.inf  # steady time of the last good command
@@ -90,9 +89,11 @@ class Plant(ManagedNode[PlantConfig]):
         self.rivals = Rivals(self, {COMMAND: self._answers}, exclusive={COMMAND})
 
     hears = COMMAND
+    _made: tuple[object, ...] = ()
 
     def check(self, config: PlantConfig, file: AxisFile) -> None:
-        self._make(config, file)
+        if self._identity(config, file) != self._made:
+            self._make(config, file)
 
     def configure(self, config: PlantConfig) -> None:
         super().configure(config)
@@ -101,7 +102,7 @@ class Plant(ManagedNode[PlantConfig]):
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
         self._reading_ticks = max(1, round(1.0 / (config.dynamometer * config.period))) if config.dynamometer else 0
-        identity = self._identity(config)
+        identity = self._identity(config, self.file)
         if identity != self._made:
             self._made = identity
             self._restart()
@@ -120,9 +121,9 @@ class Plant(ManagedNode[PlantConfig]):
         reached = self.lock_step and self._stamp >= self._until
         return f"run_until ({self.config.run_until:g} s) is reached, it can be set later" if reached else ""
 
-    def _identity(self, config: PlantConfig) -> tuple[object, ...]:
+    def _identity(self, config: PlantConfig, file: AxisFile) -> tuple[object, ...]:
         """What a simulator is made of: when it changes, the axis begins anew."""
-        return self.file, config.seed, config.start_position, config.period, config.clock
+        return file, config.seed, config.start_position, config.period, config.clock
 
     def _others(self) -> tuple[tuple[str, ...], Callable[[], tuple[Numbers, Numbers]]]:
         """Joints that are published beside the axis, and what tells their positions and speeds. For subclasses."""

@@ -66,7 +66,6 @@ class MujocoSimulator(Simulator):
         substeps = max(1, math.ceil(period / step - 1e-9))
         super().__init__(replace(axis, effects=()), period, seed, position, substeps=substeps)
         self._model.opt.timestep = period / substeps
-        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.notes = _without_servos(mujoco, self._model, chosen)
         """What was changed in the model, in words."""
         self._data = _at_home(mujoco, self._model)

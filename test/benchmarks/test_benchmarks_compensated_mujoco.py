@@ -53,7 +53,7 @@ def test_every_effect_is_in_one_model_and_not_in_the_other(name: str, tmp_path: 
 def test_cancelling_what_the_engine_s_motor_cogs_brings_tracking_to_the_ideal(tmp_path: Path) -> None:
     world = made("cogging", 40.0)
     bench = EngineBench(replace(world, believed=AxisFile(world.friction)), tmp_path)
-    slow = {"kind": "sinusoid", "amplitude": 0.05, "period": 10.0, "duration": 7.0}
+    slow = {"kind": "sinusoid", "amplitude": 0.05, "period": 10.0, "duration": 5.0}
     bench.references = [reference_from_mapping(slow, "test")]
     amplitude, order, phase = (float(word) for word in world.model.split('cogging="')[1].split('"')[0].split())
     # The engine's torque drives with the sine, the product's opposes with the cosine

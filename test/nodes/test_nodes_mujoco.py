@@ -100,7 +100,6 @@ def test_in_real_time_it_keeps_up(together: Callable[..., Any]) -> None:
         (("-p", "truth:=true"), "mujoco_plant: truth: true, and MuJoCo does not tell"),
         (("-p", "mujoco_joint:=azimut"), "mount_two_axis.xml: no joint azimut, expected azimuth"),
         (("-p", "mujoco_model:=mount.xml"), "mount.xml: no such file, expected a path, or one of .*mount_two_axis.xml"),
-        (("-p", "mujoco_modle:=mount.xml"), "no parameter mujoco_modle, expected mujoco_model"),
     ],
 )
 def test_what_it_cannot_be_made_of_is_refused(together: Callable[..., Any], words: tuple[str, ...], message: str) -> None:

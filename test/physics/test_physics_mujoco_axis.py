@@ -166,7 +166,7 @@ def test_the_loop_moves_it_as_it_moves_the_same_axis(tmp_path: Path) -> None:
     same = axis(friction=instance(law("lugre"), {**values, "viscous": 0.5}), drive=Drive(noise=0.05))
     path = model(tmp_path, more=friction())
     path.write_text(path.read_text().replace('timestep="1e-3"', 'timestep="1e-4"'))
-    reference = reference_from_mapping({"kind": "sinusoid", "amplitude": 0.05, "period": 2.0, "duration": 3.0}, "test")
+    reference = reference_from_mapping({"kind": "sinusoid", "amplitude": 0.05, "period": 1.0, "duration": 1.5}, "test")
     controller = default_control(same).controller
 
     def plant(of: Axis, period: float, seed: int, position: float) -> Simulator:
