@@ -12,6 +12,7 @@ NODES = (
     "dynamometer",
     "identifier",
     "lugre_compensator",
+    "mujoco_plant",
     "plant",
     "player",
     "recorder",
@@ -35,7 +36,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/tcs_friction"]),
         ("share/tcs_friction", ["package.xml"]),
         ("bin", ["bin/tcs-friction"]),
-        ("share/tcs_friction/config", files("config", "*.yaml")),
+        ("share/tcs_friction/config", files("config", "*.yaml") + files("config", "*.xml")),
         ("share/tcs_friction/launch", files("launch", "*.launch.py")),
         ("share/tcs_friction/security", files("security", "*.xml")),
     ],
@@ -44,6 +45,7 @@ setup(
     extras_require={
         "test": ["pytest"],  # colcon test runs nothing without it
         "hardware": ["pyserial"],
+        "mujoco": ["mujoco"],
         "bench": ["cma", "mujoco", "pymoo", "pysindy"],
     },
     zip_safe=True,

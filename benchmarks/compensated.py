@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -44,6 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this benchmark."""
     parser.add_argument("--worlds", type=int, default=40, help="how many (default 40, about 15 minutes)")
     parser.add_argument("--seed", type=int, default=0, help="that they are drawn with (default 0)")
+    plants = ("simulated", "mujoco")
+    parser.add_argument("--plant", choices=plants, default=plants[0], help="mujoco: axes of an engine (minutes each)")
     parser.add_argument("--show", action="store_true", help="a line for each world")
 
 
@@ -214,13 +216,24 @@ def draw(count: int, seed: int) -> list[tuple[tuple[str, ...], float, np.random.
     return result
 
 
+def made(arguments: argparse.Namespace) -> Iterator[Outcome]:
+    """The outcome of each world in turn."""
+    if arguments.plant == "mujoco":
+        from benchmarks.compensated_mujoco import outcomes
+
+        yield from outcomes(arguments.worlds, arguments.seed)
+        return
+    for chosen, size, rng in draw(arguments.worlds, arguments.seed):
+        yield outcome(draw_world(rng, chosen, size), rng)
+
+
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Rows: how many were named, tracking over the ideal before and after, the worst that the guard let pass."""
     outcomes = []
-    for chosen, size, rng in draw(arguments.worlds, arguments.seed):
-        outcomes.append(outcome(draw_world(rng, chosen, size), rng))
+    for one in made(arguments):
+        outcomes.append(one)
         if arguments.show:
-            print(outcomes[-1].line, flush=True)
+            print(one.line, flush=True)
     named = [one for one in outcomes if one.named]
     rows: list[dict[str, Any]] = [{"name": "named right, of worlds", "value": len(named), "unit": "", "beside": len(outcomes)}]
     for words, some in (("named right", named), ("all", outcomes)):

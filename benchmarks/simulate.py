@@ -3,7 +3,8 @@
 Both move the same LuGre axis by the torque of a 1 kHz controller, noise included, held between ticks. The truth is
 solve_ivp with a tolerance far below both. scipy gets every advantage: a compiled right-hand side, the fastest of
 its methods here, restarted at every tick or not, and the loosest tolerance whose position error is no larger than
-ours. A row of its own shows a smooth torque, where an adaptive step can be long.
+ours. A row of its own shows a smooth torque, where an adaptive step can be long. Where MuJoCo is installed, a tick of the shipped
+mount on it stands beside one of the own simulator, each asked for by itself as a node does.
 """
 
 from __future__ import annotations
@@ -19,10 +20,14 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from tcs_friction.config import load_axis, shipped
+from tcs_friction.errors import InputError
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.friction.lugre import stribeck_level
+from tcs_friction.physics.mujoco_axis import MujocoSimulator
 from tcs_friction.physics.registry import effect, law
+from tcs_friction.physics.simulate import Simulator
 from tcs_friction.physics.terms import instance
 
 Array = NDArray[np.float64]
@@ -71,7 +76,23 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         times = span / _fastest(lambda kind=kind: _simulate(kind, held, TICK))  # type: ignore[misc]
         rows.append({"name": f"times real time, {name} (beside: the bar)", "value": times, "unit": "1",
                      "beside": bar, "ratio": times / bar})  # fmt: skip
-    return rows
+    return rows + _engine()
+
+
+def _engine() -> list[dict[str, Any]]:
+    """A tick of the shipped mount on MuJoCo beside one of the own simulator; nothing where it is not installed."""
+    file = load_axis(shipped("mount_azimuth.yaml"))
+    try:
+        mount = MujocoSimulator(file.axis, shipped("mount_two_axis.xml"), file.axis.name, TICK)
+    except InputError:
+        return []
+    torque = smooth_torque(TICK * np.arange(1000.0)).tolist()
+    ours, engines = (
+        1e3 * _fastest(lambda s=s: [s.step(one) for one in torque], 5)  # type: ignore[misc]
+        for s in (Simulator(file.axis, TICK), mount)
+    )
+    name = "a tick of the shipped mount on MuJoCo, beside the own simulator"
+    return [{"name": name, "value": engines, "unit": "us", "beside": ours, "ratio": engines / ours}]
 
 
 def _compare(name: str, axis: Axis, torque: Array, period: float) -> list[dict[str, Any]]:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from tcs_friction.commands.inputs import add_recordings
+from tcs_friction.commands.inputs import add_joint, add_recordings
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.status_line import status_line
@@ -31,8 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     axis = "what is believed, and where the signals are"
     add_recordings(parser, "recordings, one data set with common physics", axis, axis_required=False)
     parser.add_argument(
-        "--against", type=Path, metavar="SIM", help="bag of a simulation, whose physics is what is believed (needs no axis file)"
+        "--against",
+        type=Path,
+        metavar="SIM",
+        help="bag of a simulation, whose physics is what is believed (needs no axis file); or a MuJoCo model, which is moved as "
+        "the axis was",
     )
+    add_joint(parser)
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
@@ -50,9 +56,12 @@ def run(arguments: argparse.Namespace) -> None:
         def progress(share: float, stage: str) -> None:
             show(f"{100.0 * share:3.0f} %  {stage}")
 
-        file, remark = _believed(arguments, progress)
+        file, remark = _believed(arguments, lambda share, stage: progress(0.5 * share, stage))
         recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
-        found = diagnose(recordings, file, progress=progress)
+        begin = 0.0 if arguments.against is None else 0.5
+        found = diagnose(recordings, file, lambda share, stage: progress(begin + (1.0 - begin) * share, stage))
+        if remark:
+            found = replace(found, evidence=replace(found.evidence, notes=(f"Believed: {remark}.", *found.evidence.notes)))
         progress(1.0, "writing")
         report = write_diagnosis(arguments.output, found)
     tell_notes(recordings)
@@ -65,10 +74,25 @@ def run(arguments: argparse.Namespace) -> None:
 def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], None]) -> tuple[AxisFile, str]:
     file = load_axis(arguments.axis) if arguments.axis is not None else None
     if arguments.against is None:
+        if arguments.joint:
+            raise InputError("--joint", "given without a model of MuJoCo", "--against FILE.xml beside it")
         assert file is not None
         return file, ""
-    from tcs_friction.diagnose.from_simulation import believed_from_simulation
+    from tcs_friction.diagnose.from_model import is_model, recorded_along
+    from tcs_friction.diagnose.from_simulation import believed_from_recordings, believed_from_simulation
 
+    if is_model(arguments.against):
+        if file is None:
+            found = f"{arguments.against} and no axis file"
+            raise InputError("--against", found, "--axis AXIS.yaml, which says what drive and encoder are like")
+        progress(0.0, "moving the model as the axis went")
+        recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
+        moved = recorded_along(arguments.against, arguments.joint, file, recordings)
+        start = replace(file.axis, effects=())
+        axis, remark = believed_from_recordings(str(arguments.against), moved, start, arguments.seed, progress)
+        return file.with_axis(axis), remark
+    if arguments.joint:
+        raise InputError("--joint", f"given with the bag {arguments.against}", "a model of MuJoCo: --against FILE.xml")
     return believed_from_simulation(arguments.against, arguments.bags, file, arguments.seed, progress)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from tcs_friction.commands.inputs import MUJOCO, add_plant, check_plant
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.entry import announce_compiling, end_at_once, keep_logs, stay_local
 
@@ -21,11 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("axis", nargs="?", default=axis, metavar="AXIS.yaml", help="axis file (default: %(default)s)")
     parser.add_argument("--reference", default=reference, metavar="REF.yaml", help="reference file (default: %(default)s)")
     parser.add_argument("--no-plant", action="store_true", help="a driver takes the place of the simulated plant")
+    add_plant(parser)
     parser.add_argument("--processes", action="store_true", help="one process for each node")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the graph."""
+    check_plant(arguments)
     end_at_once()
     stay_local()
     keep_logs()
@@ -35,8 +38,11 @@ def run(arguments: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     driven = ["-p", "simulated:=false"] if arguments.no_plant else []
+    plant = "plant"
+    if arguments.plant == MUJOCO:
+        plant, driven = "mujoco_plant", graph.mujoco_arguments(arguments.model, arguments.joint)
     ros_arguments = graph.arguments_for(arguments.axis, arguments.reference, [*driven, *arguments.ros_arguments])
-    names = tuple(name for name in graph.GRAPH if name != "plant" or not arguments.no_plant)
+    names = tuple(plant if name == "plant" else name for name in graph.GRAPH if name != "plant" or not arguments.no_plant)
     place = "one process each" if arguments.processes else "one process"
     print(f"tcs-friction: {', '.join(names)} in {place}, until Ctrl-C", file=sys.stderr)
     return (graph.run_processes if arguments.processes else graph.run_together)(ros_arguments, names)

@@ -1,5 +1,7 @@
 """Simulate an axis, its effects and its controller, and write what a recorder would have recorded.
 
+With --plant mujoco the motion is that of a joint of a MuJoCo model; the axis file says how it is controlled and measured.
+
 The control block of the axis file says how it is controlled (without one: a cautious controller for its
 inertia), its signals block where in the bag the signals go.
 """
@@ -7,6 +9,7 @@ inertia), its signals block where in the bag the signals go.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import sys
 from collections.abc import Mapping
@@ -16,11 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcs_friction.config import AxisFile, Control, default_control, load_axis
-from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, simulate_loop, ticks
+from tcs_friction.commands.inputs import MUJOCO, add_plant, check_plant
+from tcs_friction.config import AxisFile, Control, default_control, load_axis, shipped
+from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, PlantMaker, simulate_loop, ticks
 from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError
+from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.mujoco_axis import MujocoSimulator
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, graph_signals
@@ -42,8 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
     parser.add_argument(
-        "--model", type=Path, metavar="MODEL.yaml", help="whose effects `compensation: model` cancels (default: all)"
+        "--cancel", type=Path, metavar="AXIS.yaml", help="whose effects `compensation: model` cancels (default: all)"
     )
+    add_plant(parser)
     parser.add_argument("--seed", type=int, default=0, help="of torque and encoder noise (default 0)")
     parser.add_argument(
         "--surroundings",
@@ -56,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, write the bag, say what came out."""
+    check_plant(arguments)
     file = load_axis(arguments.axis)
     reference = load_reference(arguments.reference)
     if arguments.seed < 0:
@@ -63,7 +71,10 @@ def run(arguments: argparse.Namespace) -> None:
     control = file.control or default_control(file.axis)
     signals = file.signals or default_signals(file.axis.name)
     temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings)
-    notes = [*file.axis.warnings(), *notes]
+    if arguments.plant == MUJOCO:
+        notes = [f"{arguments.axis}: its effects are not simulated, the model is"] if file.axis.effects else []
+    else:
+        notes = [*file.axis.warnings(), *notes]
     loop = simulate_loop(
         file.axis,
         reference,
@@ -74,11 +85,27 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.seed,
         temperature,
         {name: exogenous[name] for name in signals_of(file.axis)},
-        Cancellation(load_axis(arguments.model).axis if arguments.model else file.axis),
+        Cancellation(load_axis(arguments.cancel).axis if arguments.cancel else file.axis),
+        plant_of(arguments.model, arguments.joint, notes) if arguments.plant == MUJOCO else None,
     )
     recording = recorded(loop, temperature, exogenous)
     write_recording(arguments.output, recording, signals)
     _tell(arguments, loop, control, signals, notes)
+
+
+def plant_of(model: str, joint: str, notes: list[str]) -> PlantMaker:
+    """A joint of a MuJoCo model, "" for the one that has the axis' name; `notes` gets what was changed in the model."""
+    path = Path(model)
+    if not path.is_file():
+        with contextlib.suppress(InputError):
+            path = shipped(model)
+
+    def make(axis: Axis, period: float, seed: int, position: float) -> MujocoSimulator:
+        simulator = MujocoSimulator(axis, path, joint or axis.name, period, seed, position)
+        notes.extend(simulator.notes)
+        return simulator
+
+    return make
 
 
 def default_signals(axis: str) -> SignalMap:

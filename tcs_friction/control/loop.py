@@ -7,14 +7,14 @@ kernels and so the same numbers as the nodes in lock-step.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tcs_friction.control.compensator import (
     STATES,
@@ -34,17 +34,28 @@ from tcs_friction.control.observer import REST, ObserverConfig, observer_step, p
 from tcs_friction.control.pid import STATES as PID_STATES
 from tcs_friction.control.pid import PidConfig, pid_parameters, pid_step
 from tcs_friction.control.position_correction import PositionCorrection, correct
-from tcs_friction.control.reference import Reference
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
-from tcs_friction.physics.simulate import NOISE_BLOCK, substeps_for
+from tcs_friction.physics.simulate import NOISE_BLOCK, Simulator, substeps_for
 from tcs_friction.physics.terms import TEMPERATURE, instance
 
 Array = NDArray[np.float64]
 
 _NEGLIGIBLE = 1e-9  # N m, dry friction of an axis whose friction is switched off
+
+
+class Wanted(Protocol):
+    """What a loop needs of a reference: a `Reference`, or another course over time."""
+
+    @property
+    def duration(self) -> float: ...
+    def over(self, times: ArrayLike) -> Array: ...
+
+
+PlantMaker = Callable[[Axis, float, int, float], Simulator]
+"""Makes what stands in for the simulated axis, of the axis, the period (s), a seed and the position (rad) at which it begins."""
 COMPENSATIONS = ("none", "lugre", "stribeck", "model")
 
 
@@ -110,7 +121,7 @@ def without_friction(axis: Axis) -> Axis:
 
 def simulate_loop(
     axis: Axis,
-    reference: Reference,
+    reference: Wanted,
     controller: PidConfig,
     config: LoopConfig | None = None,
     observer: ObserverConfig | None = None,
@@ -119,11 +130,13 @@ def simulate_loop(
     temperature: Array | float = 20.0,
     exogenous: Mapping[str, Array] = MappingProxyType({}),
     cancellation: Cancellation | None = None,
+    plant: PlantMaker | None = None,
 ) -> LoopRun:
     """Run the closed loop over the reference's duration, from rest at the reference's first position.
 
     `temperature` (degC) is one value or (n,), and each signal of `exogenous` is (n,), at the n ticks of
-    `ticks(reference, config)`. Same arguments, same result, bit for bit.
+    `ticks(reference, config)`. Same arguments, same result, bit for bit. `plant` makes another simulator, which is moved in
+    place of the axis by a loop that is not compiled as a whole.
 
     Raises
     ------
@@ -137,9 +150,7 @@ def simulate_loop(
     times = ticks(reference, config)
     count = len(times)
     targets = reference.over(times)
-    substeps = substeps_for(axis, period)
     surroundings = _surroundings(np.broadcast_to(temperature, count), exogenous, period)
-    plant = compiled.build(axis, period / substeps, substeps, tuple(exogenous), float(targets[0, 0]))
     observing, observer_state = pack(observer.design(period)) if observer else (np.zeros(1), np.zeros(2))
     compensating = compensator_parameters(compensator or CompensatorConfig(), period)
     planned, correction = np.zeros(count), PositionCorrection(replace(axis, effects=()), period)
@@ -150,9 +161,7 @@ def simulate_loop(
         check_drive(planned, targets, cancellation.model, min(axis.drive.limit, controller.torque_limit))
         correction = PositionCorrection(cancellation.model, period)
         correction.configure(cancellation.config.left_out, cancellation.config.entry_time)
-    out: Array = np.zeros((10, count))
-    _run(
-        plant,
+    controls = _Controls(
         pid_parameters(controller, period),
         np.zeros(PID_STATES),
         observing,
@@ -168,10 +177,15 @@ def simulate_loop(
         correction.wanted,
         correction.rise,
         targets,
-        surroundings,
-        _normals(seed, count),
-        out,
+        np.zeros(2),
     )
+    start, out = float(targets[0, 0]), np.zeros((10, count))
+    if plant is None:
+        substeps = substeps_for(axis, period)
+        machine = compiled.build(axis, period / substeps, substeps, tuple(exogenous), start)
+        _run(machine, controls, surroundings, _normals(seed, count), out)
+    else:
+        _run_simulator(plant(axis, period, seed, start), controls, surroundings[:, 0], list(exogenous.values()), out)
     if not np.all(np.isfinite(out)):
         first = int(np.argmin(np.all(np.isfinite(out), axis=0)))
         raise JobError(f"axis {axis.name}", f"the loop became unstable at {times[first]:g} s", "lower gains")
@@ -189,7 +203,7 @@ def _surroundings(temperature: Array, exogenous: Mapping[str, Array], period: fl
     return np.column_stack(columns)
 
 
-def ticks(reference: Reference, config: LoopConfig) -> Array:
+def ticks(reference: Wanted, config: LoopConfig) -> Array:
     """The instants (n,) of a run over the reference's duration, s."""
     count = round(reference.duration / config.period) + 1
     times: Array = config.period * np.arange(count, dtype=np.float64)
@@ -226,52 +240,65 @@ def _check(
         )
 
 
+class _Controls(NamedTuple):
+    """What acts on a plant; arrays of states change as it runs."""
+
+    pid: Array
+    pid_state: Array
+    observing: Array
+    observer_state: Array
+    observed: bool
+    feed_back: bool
+    compensating: Array
+    compensator_state: Array
+    compensation_kind: int
+    planned: Array
+    sensor: Any
+    shares: Array
+    wanted_shares: Array
+    rise: float
+    targets: Array
+    held: Array  # torque applied since the last tick, and the compensator's part of it, N m
+
+
 @njit(cache=True, error_model="numpy")
-def _run(
-    plant: Any,
-    pid: Array,
-    pid_state: Array,
-    observing: Array,
-    observer_state: Array,
-    observed: bool,
-    feed_back: bool,
-    compensating: Array,
-    compensator_state: Array,
-    compensation_kind: int,
-    planned: Array,
-    sensor: Any,
-    shares: Array,
-    wanted_shares: Array,
-    rise: float,
-    targets: Array,
-    surroundings: Array,
-    normals: Array,
-    out: Array,
-) -> None:
-    torque, cancelled = 0.0, 0.0
-    body = plant.body
-    for k in range(len(targets)):
-        position, velocity = body[compiled.MEASURED], body[compiled.MEASURED_VELOCITY]
-        if len(shares) > 0:
-            position, velocity = correct(sensor, shares, wanted_shares, rise, position, velocity)
-        estimate = 0.0
-        if observed:
-            estimate = observer_step(observer_state, observing, torque, velocity, cancelled)
-        out[0, k], out[1, k], out[2, k], out[3, k] = position, velocity, torque, cancelled
-        out[4, k], out[5, k] = estimate, observer_state[REST]
-        out[6, k], out[7, k] = body[compiled.FRICTION], body[compiled.OTHERS]
-        out[8, k], out[9, k] = body[compiled.TRUE_POSITION], body[compiled.TRUE_VELOCITY]
-        q_ref, v_ref, a_ref = targets[k, 0], targets[k, 1], targets[k, 2]
-        cancelled = 0.0
-        if compensation_kind == 1:
-            cancelled = lugre_step(compensator_state, compensating, v_ref, a_ref)
-        elif compensation_kind == 2:
-            cancelled = stribeck_step(compensator_state, compensating, v_ref, a_ref)
-        elif compensation_kind == 3:
-            cancelled = planned[k]
-        added = cancelled
-        if feed_back:
-            added += observer_state[REST]
-        command = pid_step(pid_state, pid, position, velocity, q_ref, v_ref, a_ref, added)
+def _run(plant: Any, c: Any, surroundings: Array, normals: Array, out: Array) -> None:
+    for k in range(len(c.targets)):
+        command = _command(c, plant.body, k, out)
         plant.motion[TEMPERATURE:] = surroundings[k]
-        torque = compiled.tick(plant, command, normals[k, 0], normals[k, 1])
+        c.held[0] = compiled.tick(plant, command, normals[k, 0], normals[k, 1])
+
+
+def _run_simulator(plant: Simulator, c: _Controls, temperature: Array, exogenous: list[Array], out: Array) -> None:
+    for k in range(len(c.targets)):
+        command = _command(c, plant.machine.body, k, out)
+        c.held[0] = plant.step(command, temperature[k], tuple(values[k] for values in exogenous))
+
+
+@njit(cache=True, error_model="numpy")
+def _command(c: Any, body: Array, k: int, out: Array) -> float:
+    """Tick k up to the new command (N m); `out` gets what is recorded of it."""
+    torque, cancelled = c.held[0], c.held[1]
+    position, velocity = body[compiled.MEASURED], body[compiled.MEASURED_VELOCITY]
+    if len(c.shares) > 0:
+        position, velocity = correct(c.sensor, c.shares, c.wanted_shares, c.rise, position, velocity)
+    estimate = 0.0
+    if c.observed:
+        estimate = observer_step(c.observer_state, c.observing, torque, velocity, cancelled)
+    out[0, k], out[1, k], out[2, k], out[3, k] = position, velocity, torque, cancelled
+    out[4, k], out[5, k] = estimate, c.observer_state[REST]
+    out[6, k], out[7, k] = body[compiled.FRICTION], body[compiled.OTHERS]
+    out[8, k], out[9, k] = body[compiled.TRUE_POSITION], body[compiled.TRUE_VELOCITY]
+    q_ref, v_ref, a_ref = c.targets[k, 0], c.targets[k, 1], c.targets[k, 2]
+    cancelled = 0.0
+    if c.compensation_kind == 1:
+        cancelled = lugre_step(c.compensator_state, c.compensating, v_ref, a_ref)
+    elif c.compensation_kind == 2:
+        cancelled = stribeck_step(c.compensator_state, c.compensating, v_ref, a_ref)
+    elif c.compensation_kind == 3:
+        cancelled = c.planned[k]
+    added = cancelled
+    if c.feed_back:
+        added += c.observer_state[REST]
+    c.held[1] = cancelled
+    return float(pid_step(c.pid_state, c.pid, position, velocity, q_ref, v_ref, a_ref, added))

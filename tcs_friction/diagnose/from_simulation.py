@@ -11,6 +11,7 @@ import numpy as np
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.checks import plain_balance
 from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import identified_axis, identify
 from tcs_friction.physics.axis import Axis
@@ -21,6 +22,7 @@ from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
 
+Progress = Callable[[float, str], None]
 SIMPLEST = frozenset({Feature.DRY, Feature.VISCOUS})  # what any motion to and fro at several speeds determines
 BIAS = 3.0  # standard deviations from which a constant torque is believed
 
@@ -41,7 +43,7 @@ def believed_from_simulation(
     real: Sequence[Path],
     file: AxisFile | None = None,
     seed: int = 0,
-    progress: Callable[[float, str], None] = lambda share, stage: None,  # noqa: ARG005 names are the interface
+    progress: Progress = lambda share, stage: None,  # noqa: ARG005 names are the interface
 ) -> tuple[AxisFile, str]:
     """The axis file that a simulation's recording amounts to, and one line on how well.
 
@@ -50,6 +52,17 @@ def believed_from_simulation(
     source = file.signals if file is not None and file.signals is not None else None
     recordings = read_recordings([simulation], source or signals_of(simulation))
     start = file.axis if file is not None else starting_axis(recordings)
+    axis, line = believed_from_recordings(str(simulation), recordings, start, seed, progress)
+    return AxisFile(axis, source or signals_of(real[0])), line
+
+
+def believed_from_recordings(
+    where: str, recordings: Sequence[Recording], start: Axis, seed: int, progress: Progress
+) -> tuple[Axis, str]:
+    """The axis that recordings of a simulation `where` amount to, and one line on how well; `start` is a first guess.
+
+    What the simulation has beyond inertia and friction law, gravity say, is found as it is of a real axis, by a diagnosis.
+    """
     progress(0.0, "identifying the simulation")
     whole = usual_law(frozenset(Feature))
     found = identify(recordings, start, "default", whole.id, seed)
@@ -57,17 +70,18 @@ def believed_from_simulation(
     if not any(found.parameters[name].determined for name in bristles):
         found = identify(recordings, start, "default", usual_law(SIMPLEST).id, seed)
     if not any(item.determined for item in found.parameters.values()):
-        raise InputError(
-            str(simulation), "does not determine any friction law", "a simulation with reversals and speeds"
-        )
-    line = (
-        f"{simulation} behaves like {found.law} with an inertia of {found.inertia.value:.4g} {found.inertia.unit} "
-        f"(left over: {found.rmse.held_out:.3g} {found.offset.unit} rms)"
-    )
+        raise InputError(where, "does not determine any friction law", "a simulation with reversals and speeds")
     axis = identified_axis(start, found)
     if abs(found.offset.value) < BIAS * found.offset.std:
         axis = replace(axis, effects=start.effects)
-    return AxisFile(axis, source or signals_of(real[0])), line
+    known = diagnose(recordings, AxisFile(axis), lambda share, stage: progress(share, f"the simulation: {stage}"))
+    axis = known.axis_file.axis
+    names = [item.term.id.replace("_", " ") for item in axis.effects]
+    line = (
+        f"{where} behaves like {axis.friction.term.id}{''.join(f', {name}' for name in names)}, with an inertia of "
+        f"{axis.inertia:.4g} {found.inertia.unit} (left over: {known.improved.held_out:.3g} {found.offset.unit} rms)"
+    )
+    return axis, line
 
 
 def starting_axis(recordings: Sequence[Recording]) -> Axis:

@@ -78,7 +78,7 @@ class Cancelling:
         self._path = config_file(self._config.reference_file)
         self._reference: Reference = load_reference(self._path)
         self._base, self.setup = base, setup
-        self._believed = believed(file, parameters, self._config.simulated, stages.tools.node.get_namespace())
+        self._believed = believed(file, parameters, self._config.known, stages.tools.node.get_namespace())
         self._judged: dict[str, Judged] = {}
         self._notes: list[str] = []
         self._statements: list[str] = []
@@ -314,10 +314,10 @@ def words_of(effects: tuple[str, ...]) -> str:
     return f"trying {', '.join(effects).replace('_', ' ')}" if effects else "trying the model's friction alone"
 
 
-def believed(file: AxisFile, parameters: LugreParameters, simulated: bool, namespace: str) -> AxisFile:
-    """The axis as it is known before a diagnosis: the friction identified, the inertia that the controller is told.
+def believed(file: AxisFile, parameters: LugreParameters, known: bool, namespace: str) -> AxisFile:
+    """The axis as it is before a diagnosis: the friction identified, the inertia that the controller is told.
 
-    Of a simulated axis the effects are the truth, which nobody is told.
+    known: the axis file is the truth about a simulated plant, whose effects nobody is told.
     """
     control = control_of(file)
     friction = instance(law("lugre"), both_directions(parameters))
@@ -325,6 +325,6 @@ def believed(file: AxisFile, parameters: LugreParameters, simulated: bool, names
         file.axis,
         friction=friction,
         inertia=control.controller.inertia_feedforward or file.axis.inertia,
-        effects=() if simulated else file.axis.effects,
+        effects=() if known else file.axis.effects,
     )
     return replace(file, axis=axis, signals=graph_signals(namespace.rstrip("/"), axis.name))

@@ -62,7 +62,13 @@ class CommissionConfig(ResultsConfig, Ranges, ClockConfig):
     trials: int = setting(2, "", 1, 20, "runs by which each way to compensate is judged")
     answer_limit: float = setting(5.0, "s", 0.1, 600.0, "a node that does not answer for so long is missing")
     stall_limit: float = setting(10.0, "s", 0.1, 600.0, "a run that does not advance for so long is given up")
-    simulated: bool = switch(True, "the plant is a simulation: start it anew for every run, compare with its true friction")
+    simulated: bool = switch(True, "the plant is a simulation: start it anew for every run")
+    truth: bool = switch(True, "a simulated plant is what the axis file says: compare with it, tell no diagnosis of its effects")
+
+    @property
+    def known(self) -> bool:
+        """Whether the axis file is the truth about the plant."""
+        return self.simulated and self.truth
 
 
 def defaults(file: AxisFile) -> CommissionConfig:
@@ -191,12 +197,12 @@ class Commission(AxisNode[CommissionConfig]):
 
     async def _conclude(self, answer: Any, work: Work, best: Round, cancelled: Cancelled, better: bool) -> str:
         """Fill the answer, write the files, and say in one sentence what came of it. Raises JobError when nothing is gained."""
-        simulated, file, settle = self.config.simulated, self.file, self.config.settle
+        known, file, settle = self.config.known, self.file, self.config.settle
         reference, directory = reference_file(self.config.reference_file), work.stages.directory
         before, after = tracking(self.runs["before"]), tracking(self.runs[best.after])
         found = None if cancelled.run is None else tracking(cancelled.run)
-        off = await self._waiter.in_thread(lambda: frictionless(file, reference)) if simulated else None
-        ideal = await self._waiter.in_thread(lambda: without_effects(file, reference)) if simulated else None
+        off = await self._waiter.in_thread(lambda: frictionless(file, reference)) if known else None
+        ideal = await self._waiter.in_thread(lambda: without_effects(file, reference)) if known else None
         unchanged = () if better else ("No improvement beyond its uncertainty: the axis was left as it was before.",)
         result = CommissionResult(
             axis=file.axis.name,
@@ -206,7 +212,7 @@ class Commission(AxisNode[CommissionConfig]):
             identified=both_directions(best.parameters),
             costs=keep_identification(directory, best.identification),
             friction_off=off,
-            true=dict(file.axis.friction.values) if simulated else None,
+            true=dict(file.axis.friction.values) if known else None,
             settle=settle,
             seconds=time.monotonic() - work.began,
             notes=(*unchanged, *cancelled.notes),
@@ -258,7 +264,7 @@ class Work:
 def _settings(config: CommissionConfig, file: AxisFile, rounds: int) -> dict[str, Any]:
     """What must not differ when a commissioning is gone on with: references, by their content, and what decides."""
     content = {"axis": file.axis.name, "rounds": rounds}
-    for name in ("settle", "diagnoses", "trials", "simulated", "clock", "period"):
+    for name in ("settle", "diagnoses", "trials", "simulated", "truth", "clock", "period"):
         content[name] = getattr(config, name)
     for name in ("reference_file", "measure_file", "diagnose_file"):
         path = getattr(config, name)

@@ -1,4 +1,4 @@
-"""Axis and reference files as nodes name them: a path, or a name in the package's config folder."""
+"""Axis files, references and models as nodes name them: a path, or a name in the package's config folder."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from tcs_friction.errors import InputError
 from tcs_friction.nodes.peers import LONGEST_NAME, unquoted
 
 DEFAULT_AXIS = "azimuth_1p2m.yaml"
+KINDS = (".yaml", ".xml")
+"""Files of the config folder: axes and references, models of MuJoCo."""
 
 
 def config_file(name: str) -> Path:
@@ -27,7 +29,8 @@ def config_file(name: str) -> Path:
         with contextlib.suppress(OSError):
             if (folder / name).is_file():
                 return folder / name
-    known = sorted({path.name for folder in folders for path in folder.glob("*.yaml")})
+    kind = Path(name).suffix if Path(name).suffix in KINDS else KINDS[0]
+    known = sorted({path.name for folder in folders for path in folder.glob(f"*{kind}")})
     raise InputError(name[:LONGEST_NAME], "no such file", f"a path, or one of {', '.join(known)}")
 
 

@@ -32,9 +32,11 @@ CLASSES = {
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
+PLANTS = {"mujoco_plant": "MujocoPlant"}
+"""Nodes that take the place, and the name, of the plant."""
 LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
 GRAPH = tuple(CLASSES)
-OTHERS = ("recorder", "player", "dynamometer")
+OTHERS = ("recorder", "player", "dynamometer", *PLANTS)
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 PATIENCE = 5.0  # s that a process gets to end after the first signal
 
@@ -47,7 +49,7 @@ def node_names() -> tuple[str, ...]:
 def factory(name: str) -> Callable[[], Node]:
     """The class of a node of the graph; its module is imported now."""
     module = importlib.import_module(f"tcs_friction.nodes.{name}")
-    made: Callable[[], Node] = getattr(module, CLASSES[name])
+    made: Callable[[], Node] = getattr(module, (CLASSES | PLANTS)[name])
     return made
 
 
@@ -70,6 +72,12 @@ def arguments_for(axis: str = DEFAULT_AXIS, reference: str = "", ros_arguments: 
         start = load_reference(Path(path)).at(0.0)[0]
         chosen += ["-p", f"reference_file:={path}", "-p", f"start_position:={start!r}"]
     return [*chosen, *(argument for argument in ros_arguments if argument != "--ros-args")]
+
+
+def mujoco_arguments(model: str, joint: str = "") -> list[str]:
+    """ROS arguments of a graph whose plant is a joint of a MuJoCo model, "" for the one that has the axis' name."""
+    words = ["-p", f"mujoco_model:={config_file(model)}", "-p", "truth:=false"]
+    return [*words, "-p", f"mujoco_joint:={joint}"] if joint else words
 
 
 def run_together(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> int:

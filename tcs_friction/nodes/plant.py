@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
 from tcs_friction.nodes.rivals import Rivals
 from tcs_friction.nodes.steady import steady_timer
-from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire
+from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire, Numbers
 from tcs_friction.physics.simulate import Simulator
 
 COMMAND = "torque_command"
@@ -68,13 +68,12 @@ def defaults(file: AxisFile) -> PlantConfig:
 class Plant(ManagedNode[PlantConfig]):
     """Lock-step: advances one period when the command for its stamp has come. Real time: on a timer."""
 
-    def __init__(self) -> None:
+    def __init__(self, defaults: Callable[[AxisFile], PlantConfig] = defaults) -> None:
         super().__init__("plant", defaults)
         self._states = self.create_publisher(JointState, "joint_states", PUBLISH)
         self._truths = self.create_publisher(FrictionEstimate, "true_friction", PUBLISH)
         self._temperatures = self.create_publisher(Temperature, "temperature", PUBLISH)
         self._wrenches = self.create_publisher(WrenchStamped, "dynamometer", PUBLISH)
-        self._made: tuple[object, ...] = ()
         self._timer = None
         self._command: float | None = None
         self._commanded = -math.inf  # steady time of the last good command
@@ -90,9 +89,11 @@ class Plant(ManagedNode[PlantConfig]):
         self.rivals = Rivals(self, {COMMAND: self._answers}, exclusive={COMMAND})
 
     hears = COMMAND
+    _made: tuple[object, ...] = ()
 
     def check(self, config: PlantConfig, file: AxisFile) -> None:
-        self._make(config, file)
+        if self._identity(config, file) != self._made:
+            self._make(config, file)
 
     def configure(self, config: PlantConfig) -> None:
         super().configure(config)
@@ -101,7 +102,7 @@ class Plant(ManagedNode[PlantConfig]):
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
         self._reading_ticks = max(1, round(1.0 / (config.dynamometer * config.period))) if config.dynamometer else 0
-        identity = (self.file, config.seed, config.start_position, config.period, config.clock)
+        identity = self._identity(config, self.file)
         if identity != self._made:
             self._made = identity
             self._restart()
@@ -120,13 +121,22 @@ class Plant(ManagedNode[PlantConfig]):
         reached = self.lock_step and self._stamp >= self._until
         return f"run_until ({self.config.run_until:g} s) is reached, it can be set later" if reached else ""
 
+    def _identity(self, config: PlantConfig, file: AxisFile) -> tuple[object, ...]:
+        """What a simulator is made of: when it changes, the axis begins anew."""
+        return file, config.seed, config.start_position, config.period, config.clock
+
+    def _others(self) -> tuple[tuple[str, ...], Callable[[], tuple[Numbers, Numbers]]]:
+        """Joints that are published beside the axis, and what tells their positions and speeds. For subclasses."""
+        return (), lambda: ((), ())
+
     def _make(self, config: PlantConfig, file: AxisFile) -> Simulator:
         signals = tuple(item.signal for item in file.axis.effects if item.signal is not None)
         return Simulator(file.axis, config.period, config.seed, config.start_position, signals)
 
     def _restart(self) -> None:
         self._simulator = self._make(self.config, self.file)
-        self._wire = JointWire(self.file.axis.name)
+        others, self._beside = self._others()
+        self._wire = JointWire(self.file.axis.name, others)
         self._reading_noise = np.random.default_rng((self.config.seed, 1))
         self._index = self._stamp = 0
         self._applied = 0.0
@@ -232,7 +242,7 @@ class Plant(ManagedNode[PlantConfig]):
     def _publish_state(self, stamp: int) -> None:
         simulator = self._simulator
         self._state = self._wire.write(
-            stamp, simulator.measured_position, simulator.measured_velocity, self._applied
+            stamp, simulator.measured_position, simulator.measured_velocity, self._applied, *self._beside()
         )
         if not self.lock_step:
             self._recent.add(stamp)

@@ -43,9 +43,9 @@ class Programme:
         """
         reference, limit = load_reference(path), config.answer_limit
         lock_step, joint = config.clock == LOCK_STEP, self._node.file.axis.name
-        heard = [*HEARD, "true_friction"] if config.simulated else HEARD
+        heard = [*HEARD, "true_friction"] if config.known else HEARD
         if not lock_step:
-            if config.simulated:
+            if config.known:
                 await self._remotes.set("plant", {"truth": True}, limit)
             await self._go_to_start(reference, config, wait)
             self._runs.begin(joint, reference.duration, heard)
@@ -53,7 +53,7 @@ class Programme:
         if not lock_step:
             return
         if config.simulated:  # the axis begins anew, and is answered, under the new reference
-            start = {"start_position": reference.at(0.0)[0], "run_until": 0.0, "truth": True}
+            start = {"start_position": reference.at(0.0)[0], "run_until": 0.0} | ({"truth": True} if config.known else {})
             if noise:
                 self._seed = (await self._remotes.get("plant", ["seed"], limit))["seed"]
                 start["seed"] = self._seed + noise

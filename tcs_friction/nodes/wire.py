@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -57,22 +58,33 @@ ESTIMATE = Wire(FrictionEstimate, ("torque", "velocity", "residual"), "valid")
 
 
 class JointWire:
-    """JointState for one joint. What a message lacks is NaN; a single joint without a name is taken."""
+    """JointState for one joint. What a message lacks is NaN; a single joint without a name is taken.
 
-    def __init__(self, joint: str) -> None:
+    others: joints that are written beside it.
+    """
+
+    def __init__(self, joint: str, others: Sequence[str] = ()) -> None:
         self.kind = JointState
         self.joint = joint
-        text = joint.encode() + b"\x00"
-        names = struct.pack("<I4xII", _NO_FRAME, 1, len(text)) + text + bytes(-len(text) % 4)
-        self._own, self._own_prefix = _joint_layout(names, (1, 1, 1), 0), names
-        self._layout, self._prefix = self._own, names
-        self._counts: tuple[int, ...] = (1, 1, 1)
+        self._size = 1 + len(others)
+        names = struct.pack("<I4xI", _NO_FRAME, self._size)
+        for name in (joint, *others):
+            text = name.encode() + b"\x00"
+            names += bytes(-len(names) % 4) + struct.pack("<I", len(text)) + text
+        names += bytes(-len(names) % 4)
+        self._own, self._own_prefix = _joints_layout(names, self._size), names
+        self._no_efforts = (math.nan,) * len(others)
+        self._layout, self._prefix = _joint_layout(names, (self._size,) * 3, 0), names
+        self._counts: tuple[int, ...] = (self._size,) * 3
 
-    def write(self, stamp: int, position: float, velocity: float, effort: float) -> bytes:
-        """A serialised message of this joint alone."""
+    def write(
+        self, stamp: int, position: float, velocity: float, effort: float, positions: Numbers = (), velocities: Numbers = ()
+    ) -> bytes:
+        """A serialised message: of this joint, and positions and velocities of the others, whose effort is not known."""
         seconds, rest = divmod(stamp, SECOND)
-        head = (_LITTLE_ENDIAN, seconds, rest, self._own_prefix)
-        return self._own.pack(*head, 1, position, 1, velocity, 1, effort)
+        head, size = (_LITTLE_ENDIAN, seconds, rest, self._own_prefix), self._size
+        values = (size, position, *positions, size, velocity, *velocities, size, effort, *self._no_efforts)
+        return self._own.pack(*head, *values)
 
     def read(self, data: bytes) -> tuple[int, float, float, float]:
         """Stamp, position, velocity and effort of the joint."""
@@ -133,4 +145,15 @@ def _joint_layout(prefix: bytes, counts: tuple[int, ...], index: int) -> struct.
         pad = -(at + 4) % 8
         layout += f"I{pad + 8 * index}xd{8 * (count - index - 1)}x"
         at += 4 + pad + 8 * count
+    return struct.Struct(layout)
+
+
+def _joints_layout(prefix: bytes, size: int) -> struct.Struct:
+    """The layout of a JointState with three numbers of each of `size` joints: three counts, each followed by its numbers."""
+    layout = f"<4siI{len(prefix)}s"
+    at = 8 + len(prefix)
+    for _ in range(3):
+        pad = -(at + 4) % 8
+        layout += f"I{pad}x{size}d"
+        at += 4 + pad + 8 * size
     return struct.Struct(layout)

@@ -178,6 +178,15 @@ def torques(m: Machine, dt: float) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def rotor_torque(m: Machine, torque: float, dt: float) -> float:
+    """What the drive's terms make of a torque (N m) at the instant in `m.motion`, where it is left as TORQUE."""
+    m.motion[TORQUE] = torque
+    for k in range(m.ends[0]):
+        m.motion[TORQUE] = call_term(m, k, dt)
+    return float(m.motion[TORQUE])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def advance(m: Machine, torque: float) -> None:
     """One integration step under a commanded torque (N m)."""
     motion, body, dt = m.motion, m.body, m.constants[STEP]
@@ -191,9 +200,7 @@ def advance(m: Machine, torque: float) -> None:
     motion[TRAVEL] = motion[POSITION] - body[LAST_MIDDLE]
     body[LAST_MIDDLE] = motion[POSITION]
     motion[INERTIA] = m.constants[MASS]
-    motion[TORQUE] = torque
-    for k in range(m.ends[0]):
-        motion[TORQUE] = call_term(m, k, dt)
+    rotor_torque(m, torque, dt)
     motion[ARREST] = m.constants[MASS] * velocity / dt + motion[TORQUE] - body[OTHERS]
     friction, opposing = torques(m, dt)
     acceleration = (motion[TORQUE] - friction - opposing) / motion[INERTIA]
@@ -205,18 +212,19 @@ def advance(m: Machine, torque: float) -> None:
     body[CLOCK] += dt
 
 
-@njit(cache=True, error_model="numpy")
-def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float) -> float:
-    """One control period: hold the command over the substeps, then measure.
-
-    Returns the torque that the drive was told to apply, N m.
-    """
+@njit(cache=True, error_model="numpy", inline="always")
+def drive(m: Machine, command: float, torque_normal: float) -> float:
+    """Begin a control period: returns the torque that the drive is told to apply, N m; body[NOISE] is what comes on top."""
     body, constants = m.body, m.constants
     limit = constants[TORQUE_LIMIT]
-    applied = min(max(command, -limit), limit)
     body[NOISE] = constants[NOISE_DECAY] * body[NOISE] + constants[NOISE_GAIN] * torque_normal
-    for _ in range(int(constants[SUBSTEPS])):
-        advance(m, applied + body[NOISE])
+    return float(min(max(command, -limit), limit))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def measure(m: Machine, encoder_normal: float) -> None:
+    """End a control period: what the encoder says of the true position."""
+    body, constants = m.body, m.constants
     m.motion[POSITION] = body[TRUE_POSITION]
     position = body[TRUE_POSITION] + constants[ENCODER_NOISE] * encoder_normal
     for k in range(m.ends[4], m.ends[5]):
@@ -227,7 +235,40 @@ def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float
     decay = constants[VELOCITY_DECAY]
     body[MEASURED_VELOCITY] = decay * body[MEASURED_VELOCITY] + (1.0 - decay) * raw
     body[MEASURED] = position
-    return float(applied)
+
+
+@njit(cache=True, error_model="numpy")
+def tick(m: Machine, command: float, torque_normal: float, encoder_normal: float) -> float:
+    """One control period: hold the command over the substeps, then measure.
+
+    Returns the torque that the drive was told to apply, N m.
+    """
+    applied = drive(m, command, torque_normal)
+    for _ in range(int(m.constants[SUBSTEPS])):
+        advance(m, applied + m.body[NOISE])
+    measure(m, encoder_normal)
+    return applied
+
+
+@njit(cache=True, error_model="numpy")
+def begin_period(m: Machine, command: float, torque_normal: float, out: Any) -> float:
+    """`tick` where the motion is integrated elsewhere, first half: `out` (substeps,) gets the torque at the rotor in each, N m.
+
+    Returns the torque that the drive was told to apply, N m.
+    """
+    applied = drive(m, command, torque_normal)
+    for i in range(len(out)):
+        out[i] = rotor_torque(m, applied + m.body[NOISE], m.constants[STEP])
+    return applied
+
+
+@njit(cache=True, error_model="numpy")
+def end_period(m: Machine, position: float, velocity: float, opposing: float, encoder_normal: float) -> None:
+    """Second half: the true position (rad), velocity (rad/s) and opposing torque (N m) that the period has ended with."""
+    body = m.body
+    body[TRUE_POSITION], body[TRUE_VELOCITY], body[OTHERS] = position, velocity, opposing
+    body[CLOCK] += m.constants[STEP] * m.constants[SUBSTEPS]
+    measure(m, encoder_normal)
 
 
 @njit(cache=True, error_model="numpy")
@@ -329,9 +370,7 @@ def evaluate(
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         a = measured_instant(m, t[i], dt, position[i], velocity[i], acceleration[i], signals, i)
         motion[ARREST] = slope * motion[VELOCITY]
-        motion[TORQUE] = torque[i]
-        for k in range(m.ends[0]):
-            motion[TORQUE] = call_term(m, k, dt)
+        rotor_torque(m, torque[i], dt)
         friction, opposing = torques(m, dt)
         out[i, REQUIRED] = motion[INERTIA] * a + friction + opposing
         out[i, ROTOR] = motion[TORQUE]
@@ -373,11 +412,7 @@ def evaluate_demand(
 @njit(cache=True, error_model="numpy", nogil=True)
 def evaluate_drive(m: Machine, t: Any, motion: Any, torque: Any, signals: Any, out: Any) -> None:
     """Torque at the rotor (n,), N m, that the drive gives of a logged one; arguments as for `evaluate_demand`."""
-    at = m.motion
     for i in range(len(t)):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         measured_instant(m, t[i], dt, motion[0, i], motion[1, i], motion[2, i], signals, i)
-        at[TORQUE] = torque[i]
-        for k in range(m.ends[0]):
-            at[TORQUE] = call_term(m, k, dt)
-        out[i] = at[TORQUE]
+        out[i] = rotor_torque(m, torque[i], dt)

@@ -68,9 +68,11 @@ class Simulator:
         motion[TEMPERATURE] = temperature
         for s, signal in enumerate(exogenous):
             set_surroundings(motion, s + 1, signal, self._rate(s, signal))
-        first, second = self._noise.pop()
         self.ticks += 1
-        return float(compiled.tick(self.machine, command, first, second))
+        return self._tick(command, *self._noise.pop())
+
+    def _tick(self, command: float, torque_normal: float, encoder_normal: float) -> float:
+        return float(compiled.tick(self.machine, command, torque_normal, encoder_normal))
 
     def _rate(self, s: int, value: float) -> float:
         """Rate (1/s) of a signal in the middle of the period that begins, on the parabola through its last three values.

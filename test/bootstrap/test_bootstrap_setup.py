@@ -252,7 +252,16 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
 
 @pytest.mark.parametrize(
     ("words", "group"),
-    [(["bench", "identify"], "bench"), (["bench"], "bench"), (["node", "dynamometer", "--ros-args"], "hardware")],
+    [
+        (["bench", "identify"], "bench"),
+        (["bench"], "bench"),
+        (["node", "dynamometer", "--ros-args"], "hardware"),
+        (["node", "mujoco_plant", "--ros-args", "-p", "period:=0.002"], "mujoco"),
+        (["graph", "my.yaml", "--plant", "mujoco", "--joint", "elbow"], "mujoco"),
+        (["simulate", "my.yaml", "--plant=mujoco"], "mujoco"),
+        (["diagnose", "bag", "--axis", "my.yaml", "--against", "my.XML"], "mujoco"),
+        (["test", "test/physics"], "mujoco"),
+    ],
 )
 def test_optional_sets_are_installed_once(
     words: list[str], group: str, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -269,7 +278,8 @@ def test_optional_sets_are_installed_once(
     assert "no network; going on without" in capsys.readouterr().err
     (checkout / f".tcs/venv/{group}.stamp").write_text(module.packages_fingerprint())
     module.install_optional(words)
-    module.install_optional(["identify", "bag"])
+    for others in ("identify bag", "diagnose bag --against other.bag", "graph my.yaml --plant simulated"):
+        module.install_optional(others.split())
     assert len(calls) == 1
 
 

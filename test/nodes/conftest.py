@@ -128,9 +128,9 @@ class Processes:
         label = label or name
         self._run(label, "node", name, "--ros-args", *arguments)
 
-    def start_graph(self, *arguments: str, options: Sequence[str] = ()) -> None:
-        """Start the whole graph, a process for each node, all of them forked from one."""
-        self._run("graph", "graph", "--processes", *options, "--ros-args", *arguments)
+    def start_graph(self, *arguments: str, options: Sequence[str] = (), forked: bool = True) -> None:
+        """Start the whole graph, a process for each node, all of them forked from one; or all nodes in one process."""
+        self._run("graph", "graph", *(["--processes"] if forked else []), *options, "--ros-args", *arguments)
 
     def _run(self, label: str, *words: str) -> None:
         command = [sys.executable, "-P", "-m", "tcs_friction.cli", *words]
