@@ -18,6 +18,7 @@ from tcs_friction.control.config_field import choice, setting
 from tcs_friction.control.plausible import Ranges, heard_ranges
 from tcs_friction.errors import TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
+from tcs_friction.nodes.arguments import own_arguments
 from tcs_friction.nodes.driver import DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.health import Health, Judgement
@@ -72,7 +73,7 @@ class AxisNode(Node, Generic[C]):
     """A node of one axis. Subclasses set `self.config` through `configure` and count ticks in `self.health`."""
 
     def __init__(self, name: str, defaults: Callable[[AxisFile], C]) -> None:
-        super().__init__(name, namespace="azimuth")
+        super().__init__(name, namespace="azimuth", cli_args=own_arguments())
         self._defaults = defaults
         described = ParameterDescriptor(description="axis file, a path or a name in the package's config folder")
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)

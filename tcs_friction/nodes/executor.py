@@ -15,8 +15,10 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from tcs_friction.errors import TcsError, refusal
+from tcs_friction.errors import InputError, TcsError, refusal
 from tcs_friction.nodes.peers import ContentError
+
+ARGUMENTS = "-p NAME:=VALUE, -r OLD:=NEW; for a single node --params-file FILE"
 
 
 def make_executor() -> Any:
@@ -75,7 +77,10 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
 
 
 def _run(factories: Sequence[Callable[[], Node]], args: list[str]) -> None:
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        raise InputError("ROS arguments", str(error).partition(". Error:")[0], ARGUMENTS) from None
     stop = Future()
     nodes: list[Node] = []
     made = False

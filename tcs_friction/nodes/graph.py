@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib
 import multiprocessing
 import os
@@ -18,6 +19,7 @@ from rclpy.node import Node
 
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError, JobError, nearest
+from tcs_friction.nodes.arguments import made_with
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import DEFAULT_AXIS, config_file
 from tcs_friction.physics.registry import effects
@@ -72,13 +74,16 @@ def arguments_for(axis: str = DEFAULT_AXIS, reference: str = "", ros_arguments: 
     return [*chosen, *(argument for argument in ros_arguments if argument != "--ros-args")]
 
 
-def run_together(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> int:
-    """All nodes in this process on one executor, until a signal."""
-    return run(*(factory(name) for name in names), args=["graph", *arguments])
+def run_together(axes: Mapping[str, Sequence[str]], names: Sequence[str] = GRAPH) -> int:
+    """All nodes in this process on one executor, until a signal. axes: the arguments of each axis' nodes by namespace."""
+    makers = [functools.partial(made_with, factory(name), own) for own in axes.values() for name in names]
+    return run(*makers, args=["graph", *next(iter(axes.values()))])  # of the process; those of a node win
 
 
-def start_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> dict[str, BaseProcess]:
-    """One process for each node, started; to be ended with `end_processes`.
+def start_processes(
+    arguments: Sequence[str], names: Sequence[str] = GRAPH, namespace: str = ""
+) -> dict[str, BaseProcess]:
+    """One process for each node, started, by `namespace/name`; to be ended with `end_processes`.
 
     They are forked from this one, which has loaded everything that they need, so that the start costs two seconds and not two
     for every node. This process must not have initialised ROS before.
@@ -91,8 +96,9 @@ def start_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> d
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of fork beside the idle threads of the linear algebra
         for name in names:
-            processes[name] = context.Process(target=_child, args=(name, tuple(arguments)), name=name)
-            processes[name].start()
+            label = f"{namespace}/{name}" if namespace else name
+            processes[label] = context.Process(target=_child, args=(name, tuple(arguments)), name=label)
+            processes[label].start()
     return processes
 
 
@@ -120,13 +126,18 @@ def end_processes(processes: Mapping[str, BaseProcess]) -> None:
             process.join()
 
 
-def run_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> int:
-    """One process each until a signal. When one ends by itself all are ended; raises JobError naming it."""
+def run_processes(axes: Mapping[str, Sequence[str]], names: Sequence[str] = GRAPH) -> int:
+    """One process each until a signal. When one ends by itself all are ended; raises JobError naming it.
+
+    axes: the arguments of each axis' nodes by namespace.
+    """
     stop: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stop.append(number))
-    processes = start_processes(arguments, names)
+    processes: dict[str, BaseProcess] = {}
     try:
+        for namespace, arguments in axes.items():
+            processes |= start_processes(arguments, names, namespace)
         while not stop:
             for name, process in processes.items():
                 status = process.exitcode
