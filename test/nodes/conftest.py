@@ -27,21 +27,25 @@ def domain(ros_domain: None) -> None:
 
 
 class Together:
-    """Nodes of the graph on one executor in this process."""
+    """Nodes of the graph on one executor in this process; those of several axes by `/namespace/name`."""
 
-    def __init__(self, arguments: Sequence[str], names: Sequence[str]) -> None:
+    def __init__(self, arguments: Sequence[str], names: Sequence[str], axes: Sequence[str]) -> None:
         import rclpy
 
+        from tcs_friction.nodes.arguments import made_with
+        from tcs_friction.nodes.axes import arguments_by_axis
         from tcs_friction.nodes.executor import make_executor
-        from tcs_friction.nodes.graph import arguments_for, factory
+        from tcs_friction.nodes.graph import factory
 
-        reference = "azimuth_1p2m_run.yaml"
-        rclpy.init(args=["test", *arguments_for("azimuth_1p2m.yaml", reference, arguments)])
+        by_axis = arguments_by_axis(axes, (), arguments)
+        rclpy.init(args=["test", *next(iter(by_axis.values()))])
         self.executor = make_executor()
         self.nodes: dict[str, Any] = {}
-        for name in names:
-            self.nodes[name] = factory(name)()
-            self.executor.add_node(self.nodes[name])
+        for space, own in by_axis.items():
+            for name in names:
+                self.nodes[f"{space}/{name}" if space else name] = made_with(factory(name), own)
+        for node in self.nodes.values():
+            self.executor.add_node(node)
         self.driver = rclpy.create_node("driver", namespace="azimuth")
         self.executor.add_node(self.driver)
 
@@ -101,11 +105,11 @@ def together() -> Iterator[Callable[..., Together]]:
 
     made: list[Together] = []
 
-    def make(*arguments: str, nodes: Sequence[str] = ()) -> Together:
+    def make(*arguments: str, nodes: Sequence[str] = (), axes: Sequence[str] = ("azimuth_1p2m.yaml",)) -> Together:
         from tcs_friction.nodes.graph import LOOP
 
         try:
-            made.append(Together(arguments, nodes or LOOP))
+            made.append(Together(arguments, nodes or LOOP, axes))
         except Exception:
             rclpy.try_shutdown()
             raise
