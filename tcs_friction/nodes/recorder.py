@@ -124,8 +124,8 @@ class RecorderNode(PlainNode[RecorderConfig]):
 
 
 def _signals(name: str) -> set[str]:
-    """The topics that an axis file names."""
-    from tcs_friction.nodes.files import axis_file  # loads all of physics, which a recorder does without otherwise
+    """The topics that an axis file names. Reading it loads all of physics, which a recorder does without otherwise."""
+    from tcs_friction.nodes.files import axis_file
 
     signals = axis_file(name).signals
     return set() if signals is None else set(signals.topics)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import random
+import subprocess
+import sys
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import short_runs
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -34,9 +38,7 @@ SECOND = 1_000_000_000
 
 
 def renamed(folder: Path, name: str, file: str) -> str:
-    axis = load_axis(CONFIG / "azimuth_1p2m.yaml")
     text = (CONFIG / "azimuth_1p2m.yaml").read_text().replace("name: azimuth", f"name: {name}")
-    assert axis.axis.name == "azimuth"
     (folder / file).write_text(text)
     return str(folder / file)
 
@@ -250,7 +252,7 @@ class Pair:
         simulator = Simulator(axis, 1e-3, 0, 0.7, ("azimuth_velocity",))
         found = []
         stamps = sorted(self.states["/altitude"])
-        for before, stamp in zip(stamps, stamps[1:], strict=False):
+        for before, stamp in itertools.pairwise(stamps):
             other = self.true_velocity["/azimuth"][before] if coupled else 0.0
             applied = simulator.step(self.states["/altitude"][stamp][2], 20.0, (other,))
             found.append((simulator.measured_position, simulator.measured_velocity, applied))
@@ -316,6 +318,50 @@ def test_a_signal_that_its_message_does_not_have_is_refused_and_0(together: Call
     assert "/azimuth/joint_states has no number velocity of dome" in plant.health.warning
 
 
+# Real processes
+
+
+def positions(caller: Any) -> dict[str, list[float]]:
+    """What the axes will have said, by namespace."""
+    from sensor_msgs.msg import JointState
+
+    heard: dict[str, list[float]] = {"/azimuth": [], "/altitude": []}
+    for space, said in heard.items():
+
+        def listen(message: Any, said: list[float] = said) -> None:
+            said.append(message.position[0])
+
+        caller.driver.create_subscription(JointState, f"{space}/joint_states", listen, 100)
+    return heard
+
+
+def test_the_command_runs_two_axes_in_real_time_and_one_begins_by_itself(processes: Any, caller: Any) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    heard, levels = positions(caller), dict[str, bytes]()
+    caller.driver.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda message: levels.update((s.name, s.level) for s in message.status), 100
+    )
+    real_time = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "age_limit:=1.0", "-p", "watchdog:=1.0")
+    processes.start_graph(*real_time, options=BOTH, one=True)
+    assert caller.until(lambda: min(map(len, heard.values())) > 20, 90.0), processes.log("graph")
+    assert caller.call(Trigger, "/altitude/reference/start", Trigger.Request()).success
+    assert caller.until(lambda: np.ptp(heard["/altitude"][-50:]) > 3e-4, 30.0), processes.log("graph")
+    assert np.ptp(heard["/azimuth"]) < 1e-4, "rests where it is"
+    everybody = {f"{space}/{name}" for space in heard for name in GRAPH}
+    assert caller.until(lambda: everybody <= set(levels)), sorted(everybody - set(levels))
+    assert processes.interrupt("graph") == 0
+
+
+def test_a_process_that_ends_is_named_with_its_axis() -> None:
+    """The second axis' node has an argument that it does not know."""
+    axes = {"/azimuth": ["--ros-args"], "/altitude": ["--ros-args", "-p", "no_such:=1"]}
+    code = f"from tcs_friction.nodes.graph import run_processes; run_processes({axes!r}, ('dynamometer',))"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0, check=False)
+    assert "JobError: node /altitude/dynamometer: ended with status 2" in ended.stderr, ended.stderr
+    assert "no parameter no_such" in ended.stderr
+
+
 # One is commissioned while the other moves
 
 
@@ -336,10 +382,9 @@ def test_one_axis_is_commissioned_while_the_other_moves(together: Callable[..., 
     from tcs_friction.nodes.recorder import RecorderNode
 
     axes = coupled_both_ways(tmp_path)
-    (tmp_path / "run.yaml").write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 0.7, acceleration: 5.0e-3, duration: 4.5}\n")
-    (tmp_path / "measure.yaml").write_text("reference: {kind: sinusoid, amplitude: 1.5e-3, period: 4.0, duration: 5.0}\n")
+    run, measure = short_runs(tmp_path)
     (tmp_path / "parameters.yaml").write_text(
-        f"/azimuth/commission: {{ros__parameters: {{reference_file: {tmp_path}/run.yaml, measure_file: {tmp_path}/measure.yaml}}}}\n"
+        f"/azimuth/commission: {{ros__parameters: {{reference_file: {run}, measure_file: {measure}}}}}\n"
     )
     words = {"results": tmp_path, "diagnoses": 0, "settle": 0.5, "run_until": 0.0, "period": 0.002}
     given = [word for name, value in words.items() for word in ("-p", f"{name}:={value}")]
