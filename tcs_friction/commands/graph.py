@@ -24,6 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how = f"reference file, for all axes or for each in their order (default: AXIS_run.yaml beside AXIS.yaml, else {reference})"
     parser.add_argument("--reference", action="append", default=[], metavar="REF.yaml", help=how)
     parser.add_argument("--no-plant", action="store_true", help="a driver takes the place of the simulated plant")
+    parser.add_argument("--realtime", action="store_true", help="real-time clock, and real-time scheduling as far as permitted")
+    parser.add_argument("--cores", metavar="2,3", help="with --realtime: the processor cores to use (default: all)")
     parser.add_argument("--processes", action="store_true", help="one process for each node")
 
 
@@ -34,10 +36,15 @@ def run(arguments: argparse.Namespace) -> int:
     keep_logs()
     announce_compiling()
     try:
-        from tcs_friction.nodes import axes, graph
+        from tcs_friction.nodes import axes, graph, scheduling
     except ModuleNotFoundError as error:
         raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     driven = ["-p", "simulated:=false"] if arguments.no_plant else []
+    if arguments.cores and not arguments.realtime:
+        raise InputError("--cores", "without --realtime", "both")
+    if arguments.realtime:
+        scheduling.ask(arguments.cores or scheduling.ALL)
+        driven += ["-p", "clock:=real_time"]
     by_axis = axes.arguments_by_axis(arguments.axis, arguments.reference, [*driven, *arguments.ros_arguments])
     names = tuple(name for name in graph.GRAPH if name != "plant" or not arguments.no_plant)
     place = "one process each" if arguments.processes else "one process"
