@@ -31,11 +31,9 @@ from tcs_friction.errors import InputError, JobError
 
 Array = NDArray[np.float64]
 
-LOOP = ("controller", "reference", "dob", "lugre_compensator")
 PAIR = ("pair",)
 PLACES = {"one": "one process", "several": "four processes"}
 LOADS = {"without": "no load", "with": "under load"}
-WARM_UP = 3.0  # s: discovery, the first pages, the reference that begins
 LISTEN_ON = 0.5  # s after the last state, in which its answer may come
 SAMPLE = 1.0  # s between two looks at a process' memory
 BEGIN_LIMIT = 120.0  # s
@@ -48,7 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--rates", default="250,500,1000", metavar="HZ,HZ", help="states per second (default %(default)s)")
     add("--seconds", type=positive, default=60, help="of each combination, and as long of its bare pair (default %(default)s)")
-    add("--turns", type=positive, default=3, help="into which they are divided (default %(default)s)")
+    add("--turns", type=positive, default=2, help="into which they are divided (default %(default)s)")
+    add("--warm-up", type=positive, default=3, help="seconds before each turn (default %(default)s)")
     add("--places", default=",".join(PLACES), help="where the nodes are: one process, several (default %(default)s)")
     add("--loads", default=",".join(LOADS), help="without load, with it (default %(default)s)")
     add("--cores", default="all", metavar="2,3", help="processor cores of all that is measured (default: all)")
@@ -59,17 +58,17 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Rows for each rate, place and load: latency, jitter and growth of memory."""
     from tcs_friction.nodes import scheduling
 
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     rates = [_rate(word) for word in arguments.rates.split(",")]
     places, loads = _chosen("--places", arguments.places, PLACES), _chosen("--loads", arguments.loads, LOADS)
     if not arguments.ordinary:
         scheduling.ask(arguments.cores)
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     rows: list[dict[str, Any]] = []
     for load in loads:
         for rate in rates:
             with _busy(load == "with"):
-                rows += _measured(rate, load, places, arguments.seconds, arguments.turns)
+                rows += _measured(rate, load, places, arguments)
     return rows
 
 
@@ -87,12 +86,12 @@ def _chosen(option: str, text: str, known: dict[str, str]) -> list[str]:
     return words
 
 
-def _measured(rate: float, load: str, places: Sequence[str], seconds: int, turns: int) -> list[dict[str, Any]]:
+def _measured(rate: float, load: str, places: Sequence[str], arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """The rows of one rate and load. The bare pair is the same for every place."""
     heard: dict[str, list[Heard]] = {kind: [] for kind in ("pair", *places)}
-    for _ in range(turns):
+    for _ in range(arguments.turns):
         for kind, some in heard.items():
-            some.append(_turn(kind, rate, seconds / turns))
+            some.append(_turn(kind, rate, arguments.seconds / arguments.turns, float(arguments.warm_up)))
     pair = Together.of(heard["pair"])
     rows: list[dict[str, Any]] = []
     for place in places:
@@ -159,34 +158,30 @@ class Together:
 def growth(series: Sequence[tuple[Sequence[float], Sequence[float]]], scale: float) -> tuple[float, float]:
     """The steepest of some series (times, values), its slope times `scale`, with the standard error of that.
 
-    A step up and none down again is a slope, too: the error is that of the differences between the samples, which sum up.
+    Only the second half of each counts: what Python keeps for the next object of its kind has to fill first. The error is that of
+    a sum of independent steps. NaN for series of less than six samples.
     """
     found = []
     for times, values in series:
-        t, x = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
-        if len(t) < 3:
-            continue
-        steps = np.diff(x)
-        span = float(t[-1] - t[0])
-        found.append((scale * float(x[-1] - x[0]) / span, scale * float(np.std(steps, ddof=1)) * len(steps) ** 0.5 / span))
+        half = len(times) // 2
+        t, x = np.array(times[half:]), np.array(values[half:])
+        if len(t) >= 3:
+            span, steps = float(t[-1] - t[0]), np.diff(x)
+            found.append((scale * float(steps.sum()) / span, scale * float(np.std(steps, ddof=1)) * len(steps) ** 0.5 / span))
     return max(found, default=(float("nan"), float("nan")))
 
 
 def _rows(name: str, ours: Together, pair: Together) -> list[dict[str, Any]]:
-    rows = []
-    for what, share in (("median", 50.0), ("99.9 %", 99.9), ("worst", 100.0)):
-        for quantity, own, other in (("latency", ours.latency, pair.latency), ("jitter", ours.jitter, pair.jitter)):
+    rows: list[dict[str, Any]] = []
+    for quantity, own, other in (("latency", ours.latency, pair.latency), ("jitter", ours.jitter, pair.jitter)):
+        for what, share in (("median", 50.0), ("99.9 %", 99.9), ("worst", 100.0)):
             value, beside = float(np.percentile(own, share)), float(np.percentile(other, share))
-            rows.append(
-                {"name": f"{name}: {quantity}, {what}", "value": value, "unit": "ms", "beside": beside, "ratio": value / beside}
-            )
-    rows.sort(key=lambda row: "jitter" in str(row["name"]))
+            row = {"name": f"{name}: {quantity}, {what}", "value": value, "unit": "ms", "beside": beside}
+            rows.append(row | {"ratio": value / beside})
     rows.append({"name": f"{name}: states without an answer", "value": ours.misses, "unit": "1", "beside": pair.misses})
-    for what, unit, own, other in (
-        ("memory", "kB/min", ours.resident, pair.resident),
-        ("allocated blocks", "1/min", ours.blocks, pair.blocks),
-    ):
-        rows.append({"name": f"{name}: growth of {what}", "value": own[0], "error": own[1], "unit": unit, "beside": other[0]})
+    grown = (("memory", "kB/min", ours.resident, pair.resident), ("allocated blocks", "1/min", ours.blocks, pair.blocks))
+    for what, unit, (value, error), (beside, _) in grown:
+        rows.append({"name": f"{name}: growth of {what}", "value": value, "error": error, "unit": unit, "beside": beside})
     return rows
 
 
@@ -221,19 +216,21 @@ def _started(processes: Sequence[BaseProcess]) -> Iterator[None]:
             process.join()
 
 
-def _turn(kind: str, rate: float, seconds: float) -> Heard:
+def _turn(kind: str, rate: float, seconds: float, warm_up: float) -> Heard:
     """One run, in fresh processes."""
+    from tcs_friction.nodes.graph import LOOP
+
     context = multiprocessing.get_context("spawn")
-    groups = {"pair": [PAIR], "one": [LOOP], "several": [(name,) for name in LOOP]}[kind]
+    loop = tuple(name for name in LOOP if name != "plant")
+    apart = [(name,) for name in loop]
+    groups: dict[str, Sequence[Sequence[str]]] = {"pair": [PAIR], "one": [loop], "several": apart}
     over = context.Event()
-    ends = [context.Pipe(duplex=False) for _ in range(len(groups) + 1)]
-    processes: list[BaseProcess] = [
-        context.Process(target=_answer, args=(group, rate, over, end[1]), daemon=True)
-        for group, end in zip(groups, ends, strict=False)
-    ]
-    processes.append(context.Process(target=_drive, args=(rate, seconds, ends[-1][1]), daemon=True))
+    ends = [context.Pipe(duplex=False) for _ in range(len(groups[kind]) + 1)]
+    processes: list[BaseProcess] = [context.Process(target=_drive, args=(rate, seconds, warm_up, ends[-1][1]), daemon=True)]
+    for group, (_, send) in zip(groups[kind], ends, strict=False):
+        processes.append(context.Process(target=_answer, args=(group, rate, warm_up, over, send), daemon=True))
     with _started(processes):
-        said, heard = _received(ends[-1][0], seconds + BEGIN_LIMIT, kind)
+        said, heard = _received(ends[-1][0], warm_up + seconds + BEGIN_LIMIT, kind)
         over.set()
         memory = tuple(_received(end[0], 10.0, kind) for end in ends[:-1])
     return Heard(said, heard, memory)
@@ -245,7 +242,7 @@ def _received(end: Connection, limit: float, kind: str) -> Any:
     return end.recv()
 
 
-def _answer(names: Sequence[str], rate: float, over: Any, result: Connection) -> None:
+def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result: Connection) -> None:
     """In a process of its own: nodes that answer, until it is over; then what memory they took."""
     import rclpy
     from rclpy.task import Future
@@ -269,7 +266,7 @@ def _answer(names: Sequence[str], rate: float, over: Any, result: Connection) ->
     def look() -> None:
         if over.is_set() and not done.done():
             done.set_result(None)
-        elif time.monotonic() - started > WARM_UP:
+        elif time.monotonic() - started > warm_up:
             memory.look()
 
     steady_timer(nodes[0], SAMPLE, look)
@@ -306,7 +303,7 @@ def _pair() -> Any:
 class Driver:
     """Says where an axis at rest is, once a period, and keeps the moments at which it said so and was answered."""
 
-    def __init__(self, rate: float, seconds: float) -> None:
+    def __init__(self, rate: float, seconds: float, warm_up: float) -> None:
         import rclpy
         from rclpy.task import Future
         from sensor_msgs.msg import JointState
@@ -319,7 +316,7 @@ class Driver:
         self.node = rclpy.create_node("driver", namespace="azimuth")
         self.done = Future()
         self._wire, self._count = JointWire("azimuth"), round(rate * seconds)
-        self._warm_up, self._after = round(rate * WARM_UP), round(rate * LISTEN_ON)
+        self._warm_up, self._after = round(rate * warm_up), round(rate * LISTEN_ON)
         self._numbers: dict[int, int] = {}  # of states by stamp, of those that count
         self._said, self._heard = array("d", bytes(8 * self._count)), array("d", [float("nan")]) * self._count
         self._ticks = -1  # -1: nobody has answered yet
@@ -355,7 +352,7 @@ class Driver:
         return np.array(self._said), np.array(self._heard)
 
 
-def _drive(rate: float, seconds: float, result: Connection) -> None:
+def _drive(rate: float, seconds: float, warm_up: float, result: Connection) -> None:
     """In a process of its own: the driver."""
     import rclpy
 
@@ -365,7 +362,7 @@ def _drive(rate: float, seconds: float, result: Connection) -> None:
     scheduling.prepare()
     rclpy.init(args=["bench"])
     executor = make_executor()
-    driver = Driver(rate, seconds)
+    driver = Driver(rate, seconds, warm_up)
     executor.add_node(driver.node)
     scheduling.keep_memory_tidy(driver.node)
     spin(executor, driver.done)

@@ -26,15 +26,16 @@ from tcs_friction.physics.registry import effects
 
 CLASSES = {
     "plant": "Plant",
+    "controller": "Controller",
     "reference": "ReferenceNode",
     "dob": "Dob",
     "lugre_compensator": "LugreCompensatorNode",
-    "controller": "Controller",
     "identifier": "Identifier",
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
-LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
+LOOP = ("plant", "controller", "reference", "dob", "lugre_compensator")
+"""On one executor the node made first hears first: in real time the controller answers a state before others work on it."""
 GRAPH = tuple(CLASSES)
 OTHERS = ("recorder", "player", "dynamometer")
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15

@@ -55,7 +55,7 @@ def prepare() -> str:
     granted, refused = [], []
     if cores := cores_of(asked):
         os.sched_setaffinity(0, cores)
-        granted.append(f"core {asked}")
+        granted.append(f"{'cores' if len(cores) > 1 else 'core'} {asked}")
     for what, objection in ((f"SCHED_FIFO {PRIORITY}", _first_in_first_out()), ("locked memory", _lock_memory())):
         if objection:
             refused.append(f"{what} ({objection})")
