@@ -6,14 +6,17 @@ import gc
 import os
 import resource
 import threading
+import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from sensor_msgs.msg import JointState
 
 from tcs_friction.errors import InputError
 from tcs_friction.nodes import scheduling
+from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.graph import LOOP
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="scheduling is set on Linux only")
@@ -135,3 +138,25 @@ def test_the_controller_answers_a_state_before_other_nodes_of_its_process_work_o
     assert graph.until(lambda: len(order) > 60)
     first = order.index("controller")
     assert order[first : first + 45] == ["controller", "reference", "dob"] * 15
+
+
+def test_in_real_time_a_report_follows_a_state_and_comes_without_states_all_the_same(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One may be late, for this process does not have the machine to itself."""
+    after: list[float] = []
+    report = AxisNode._report
+
+    def timed(node: AxisNode[Any]) -> None:
+        heard = node.health.inputs.get("joint_states")
+        if heard is not None and heard.last > 0.0:
+            after.append(time.monotonic() - heard.last)
+        report(node)
+
+    monkeypatch.setattr(AxisNode, "_report", timed)
+    graph = together("-p", "clock:=real_time", "-p", "period:=0.2", "-p", "age_limit:=1.0", nodes=LOOP)
+    assert graph.until(lambda: len(after) >= 6, 20.0)
+    assert sorted(after)[-2] < 0.05, after
+    graph["plant"].destroy_publisher(graph["plant"]._states)
+    graph["plant"]._states = graph["plant"].create_publisher(JointState, "nowhere", 10)
+    assert graph.until(lambda: max(after) > 2.5, 20.0), "nobody says anything any more"
