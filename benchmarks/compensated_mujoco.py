@@ -44,6 +44,7 @@ class EngineWorld:
 
     name: str
     recording: Recording
+    fresh: Recording
     believed: AxisFile
     truth: Truth
     friction: Axis  # the axis with its true friction and inertia, no effect
@@ -63,7 +64,7 @@ def world(name: str, size: float, rng: np.random.Generator) -> EngineWorld:
     telescope = load_axis(shipped("azimuth_1p2m.yaml")).axis
     friction = instance(law("lugre"), s.friction)
     true = replace(telescope, name=file.axis.name, inertia=s.inertia, friction=friction, effects=())
-    return EngineWorld(name, recording, file, truth, true, _text(s.model), _text(plain.model))
+    return EngineWorld(name, recording, run(s.model, s.motion, s.loop, s.rng), file, truth, true, _text(s.model), _text(plain.model))
 
 
 def _text(model: Model) -> str:
@@ -75,7 +76,7 @@ class EngineBench(Bench):
     """The same tracking and guard on the engine. Runs of one choice are made once."""
 
     def __init__(self, made: EngineWorld, folder: Path) -> None:
-        super().__init__(made.friction, made.believed.axis, float(np.median(made.recording.position)))
+        super().__init__(made.friction, made.believed.axis, float(np.median(made.recording.position)), made.fresh)
         self._models = {True: folder / "model.xml", False: folder / "plain.xml"}
         self._models[True].write_text(made.model)
         self._models[False].write_text(made.plain)

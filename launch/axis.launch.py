@@ -38,6 +38,7 @@ ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "reference file, a path or a name in the package's config folder",
         (),
     ),
+    "beside": ("", "namespaces of other simulated axes, with commas: launched by themselves, in one time with this one", ()),
     "measure_file": (
         "azimuth_1p2m_measure.yaml",
         "reference on which commissioning measures friction, likewise",
@@ -68,7 +69,10 @@ def nodes(context: LaunchContext) -> list[Action]:
     simulated = given["plant"] == "true"
     common = {"axis": given["axis"], "clock": given["clock"], "use_sim_time": given["use_sim_time"] == "true"}
     own = {
-        "plant": {"start_position": load_reference(config_file(given["reference"])).at(0.0)[0]},
+        "plant": {
+            "start_position": load_reference(config_file(given["reference"])).at(0.0)[0],
+            "beside": given["beside"].split(","),
+        },
         "reference": {"reference_file": given["reference"]},
         "commission": {
             "reference_file": given["reference"],

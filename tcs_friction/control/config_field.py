@@ -86,9 +86,9 @@ def text(default: str, description: str, fixed: bool = False) -> Any:
     return field(default=default, metadata={_KEY: ("", None, None, description, (), fixed)})
 
 
-def texts(description: str) -> Any:
+def texts(description: str, fixed: bool = False) -> Any:
     """A setting that is a list of texts, none by default."""
-    return field(default=(), metadata={_KEY: ("", None, None, description, ())})
+    return field(default=(), metadata={_KEY: ("", None, None, description, (), fixed)})
 
 
 def settings(config: type[Any] | Any) -> tuple[Setting, ...]:

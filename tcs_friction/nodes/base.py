@@ -18,7 +18,8 @@ from tcs_friction.control.config_field import choice, setting
 from tcs_friction.control.plausible import Ranges, heard_ranges
 from tcs_friction.errors import TcsError, one_line, refusal
 from tcs_friction.nodes import parameters
-from tcs_friction.nodes.driver import DriverWatch
+from tcs_friction.nodes.arguments import own_arguments
+from tcs_friction.nodes.driver import TOPIC, DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.health import Health, Judgement
 from tcs_friction.nodes.log_lines import Problems, Warnings
@@ -72,7 +73,7 @@ class AxisNode(Node, Generic[C]):
     """A node of one axis. Subclasses set `self.config` through `configure` and count ticks in `self.health`."""
 
     def __init__(self, name: str, defaults: Callable[[AxisFile], C]) -> None:
-        super().__init__(name, namespace="azimuth")
+        super().__init__(name, namespace="azimuth", cli_args=own_arguments())
         self._defaults = defaults
         described = ParameterDescriptor(description="axis file, a path or a name in the package's config folder")
         path = str(self.declare_parameter("axis", DEFAULT_AXIS, described).value)
@@ -91,7 +92,7 @@ class AxisNode(Node, Generic[C]):
     def start(self) -> None:
         """To be called at the end of a subclass' constructor: configure it and begin to report."""
         self.configure(self.config)
-        steady_timer(self, 1.0, self._report)
+        steady_timer(self, 1.0, self._report_or_wait)
 
     def check(self, config: C, file: AxisFile) -> None:
         """Raises InputError where valid settings do not go together. For subclasses."""
@@ -100,7 +101,7 @@ class AxisNode(Node, Generic[C]):
         """Use a configuration that has been checked. For subclasses."""
         self.config = config
 
-    hears = "joint_states"
+    hears = TOPIC
     """The input that makes the node tick."""
 
     def missing(self) -> str:
@@ -115,7 +116,13 @@ class AxisNode(Node, Generic[C]):
 
     def hear_driver(self, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to joint_states, serialised, in whatever quality a driver publishes them."""
-        self._driver = DriverWatch(self, callback, profile, self.file.axis.name)
+
+        def hear(data: bytes) -> None:
+            callback(data)
+            if self._report_is_due:
+                self._report()
+
+        self._driver = DriverWatch(self, hear, profile, self.file.axis.name)
 
     # Parameters
 
@@ -172,7 +179,18 @@ class AxisNode(Node, Generic[C]):
         """What the log says when the node is ready."""
         return f"ready: axis {self.file.axis.name}, {self.config.clock.replace('_', '-')}, period {self.config.period:g} s"
 
+    _report_is_due = False
+
+    def _report_or_wait(self) -> None:
+        """In real time a report takes as long as a tick. While states come it follows one, so that the next does not wait."""
+        heard = self.health.inputs.get(TOPIC)
+        if heard and not self._report_is_due and time.monotonic() - heard.last < 2.0 * self.config.period:
+            self._report_is_due = True
+        else:
+            self._report()
+
     def _report(self) -> None:
+        self._report_is_due = False
         now = time.monotonic()
         self._watch(now)
         level, problem, warning = self.health.level(), self.health.problem, self.health.warning

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -15,8 +14,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from tcs_friction.errors import TcsError, refusal
+from tcs_friction.errors import InputError, TcsError, refusal
+from tcs_friction.nodes import scheduling
 from tcs_friction.nodes.peers import ContentError
+
+ARGUMENTS = "-p NAME:=VALUE, -r OLD:=NEW; for a single node --params-file FILE"
 
 
 def make_executor() -> Any:
@@ -75,7 +77,12 @@ def run(*factories: Callable[[], Node], args: Sequence[str] | None = None) -> in
 
 
 def _run(factories: Sequence[Callable[[], Node]], args: list[str]) -> None:
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    if words := scheduling.prepare():
+        print(f"tcs-friction: {words}", file=sys.stderr)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        raise InputError("ROS arguments", str(error).partition(". Error:")[0], ARGUMENTS) from None
     stop = Future()
     nodes: list[Node] = []
     made = False
@@ -96,8 +103,7 @@ def _run(factories: Sequence[Callable[[], Node]], args: list[str]) -> None:
             if words := getattr(nodes[-1], "introduction", ""):
                 nodes[-1].get_logger().info(words)
         made = True
-        gc.collect()
-        gc.freeze()  # a collection of everything imported would take several control periods
+        scheduling.keep_memory_tidy(nodes[0])
         spin(executor, stop)
     finally:
         made = True  # from here on a second signal must not stop the end

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib
 import multiprocessing
 import os
@@ -18,23 +19,25 @@ from rclpy.node import Node
 
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError, JobError, nearest
+from tcs_friction.nodes.arguments import made_with
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import DEFAULT_AXIS, config_file
 from tcs_friction.physics.registry import effects
 
 CLASSES = {
     "plant": "Plant",
+    "controller": "Controller",
     "reference": "ReferenceNode",
     "dob": "Dob",
     "lugre_compensator": "LugreCompensatorNode",
-    "controller": "Controller",
     "identifier": "Identifier",
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
 PLANTS = {"mujoco_plant": "MujocoPlant"}
 """Nodes that take the place, and the name, of the plant."""
-LOOP = ("plant", "reference", "dob", "lugre_compensator", "controller")
+LOOP = ("plant", "controller", "reference", "dob", "lugre_compensator")
+"""On one executor the node made first hears first: in real time the controller answers a state before others work on it."""
 GRAPH = tuple(CLASSES)
 OTHERS = ("recorder", "player", "dynamometer", *PLANTS)
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
@@ -80,13 +83,16 @@ def mujoco_arguments(model: str, joint: str = "") -> list[str]:
     return [*words, "-p", f"mujoco_joint:={joint}"] if joint else words
 
 
-def run_together(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> int:
-    """All nodes in this process on one executor, until a signal."""
-    return run(*(factory(name) for name in names), args=["graph", *arguments])
+def run_together(axes: Mapping[str, Sequence[str]], names: Sequence[str] = GRAPH) -> int:
+    """All nodes in this process on one executor, until a signal. axes: the arguments of each axis' nodes by namespace."""
+    makers = [functools.partial(made_with, factory(name), own) for own in axes.values() for name in names]
+    return run(*makers, args=["graph", *next(iter(axes.values()))])  # of the process; those of a node win
 
 
-def start_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> dict[str, BaseProcess]:
-    """One process for each node, started; to be ended with `end_processes`.
+def start_processes(
+    arguments: Sequence[str], names: Sequence[str] = GRAPH, namespace: str = ""
+) -> dict[str, BaseProcess]:
+    """One process for each node, started, by `namespace/name`; to be ended with `end_processes`.
 
     They are forked from this one, which has loaded everything that they need, so that the start costs two seconds and not two
     for every node. This process must not have initialised ROS before.
@@ -99,8 +105,9 @@ def start_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> d
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of fork beside the idle threads of the linear algebra
         for name in names:
-            processes[name] = context.Process(target=_child, args=(name, tuple(arguments)), name=name)
-            processes[name].start()
+            label = f"{namespace}/{name}" if namespace else name
+            processes[label] = context.Process(target=_child, args=(name, tuple(arguments)), name=label)
+            processes[label].start()
     return processes
 
 
@@ -128,13 +135,18 @@ def end_processes(processes: Mapping[str, BaseProcess]) -> None:
             process.join()
 
 
-def run_processes(arguments: Sequence[str], names: Sequence[str] = GRAPH) -> int:
-    """One process each until a signal. When one ends by itself all are ended; raises JobError naming it."""
+def run_processes(axes: Mapping[str, Sequence[str]], names: Sequence[str] = GRAPH) -> int:
+    """One process each until a signal. When one ends by itself all are ended; raises JobError naming it.
+
+    axes: the arguments of each axis' nodes by namespace.
+    """
     stop: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stop.append(number))
-    processes = start_processes(arguments, names)
+    processes: dict[str, BaseProcess] = {}
     try:
+        for namespace, arguments in axes.items():
+            processes |= start_processes(arguments, names, namespace)
         while not stop:
             for name, process in processes.items():
                 status = process.exitcode

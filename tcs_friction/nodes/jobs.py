@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from tcs_friction.errors import JobError, TcsError
+from tcs_friction.nodes import scheduling
 from tcs_friction.nodes.steady import steady_timer
 
 Result = TypeVar("Result")
@@ -58,6 +59,7 @@ class Waiter:
         failure: list[BaseException] = []
 
         def target() -> None:
+            scheduling.ordinary()
             try:
                 outcome.append(work())
             except BaseException as error:

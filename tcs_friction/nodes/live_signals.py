@@ -19,6 +19,8 @@ from tcs_friction.recording.signals import SignalSource
 
 NAME_LISTS = ("name", "names", "joint_names")
 """Fields of a message that may list its joints."""
+NO_NUMBER = (AttributeError, IndexError, StopIteration, TypeError, ValueError)
+"""What reading a field that is not there may raise."""
 
 
 @dataclass
@@ -75,8 +77,8 @@ class LiveSignals:
     def _take(self, signal: Signal, message: Any) -> None:
         source = signal.source
         try:
-            value = source.scale * _number(message, source)
-        except (AttributeError, IndexError, StopIteration, TypeError, ValueError):
+            value = source.scale * number_in(message, source)
+        except NO_NUMBER:
             self._health.refuse(f"{source.topic} refused: it has no number {source.field} of {source.joint or 'its own'}")
             return
         if not math.isfinite(value):
@@ -102,6 +104,10 @@ class LiveSignals:
         """Whether it is known on which topic a signal comes."""
         return name in self._signals
 
+    def told_on(self, name: str) -> str:
+        """A signal and its topic, in words."""
+        return f"{name} ({self._signals[name].source})" if name in self._signals else f"{name} (on no topic of the axis file)"
+
     def values(self, names: Sequence[str]) -> list[float]:
         """Each signal's value and rate, 0 where it was not heard."""
         found: list[float] = []
@@ -120,8 +126,8 @@ def _message_type(name: str) -> Any:
         return None
 
 
-def _number(message: Any, source: SignalSource) -> float:
-    """The number that a source names in a message."""
+def number_in(message: Any, source: SignalSource) -> float:
+    """The number that a source names in a message. Raises one of NO_NUMBER where it has none."""
     value, holder = message, message
     for step in source.steps:
         if isinstance(step, int):

@@ -46,9 +46,10 @@ def both_directions(message: LugreParameters) -> dict[str, float]:
 
 
 def frictionless(file: AxisFile, reference: Reference) -> TrackingRun:
-    """The same run offline with friction switched off: what no compensation can beat."""
+    """The same run offline with friction switched off, and nothing from outside: what no compensation can beat."""
     control = control_of(file)
-    return TrackingRun.of(simulate_loop(without_friction(file.axis), reference, control.controller, control.loop))
+    axis = replace(file.axis, effects=tuple(item for item in file.axis.effects if not item.signals))
+    return TrackingRun.of(simulate_loop(without_friction(axis), reference, control.controller, control.loop))
 
 
 def without_effects(file: AxisFile, reference: Reference) -> TrackingRun:

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from tcs_friction.nodes import parameters
+from tcs_friction.nodes.arguments import own_arguments
 from tcs_friction.nodes.steady import steady_timer
 
 C = TypeVar("C")
@@ -18,7 +19,7 @@ class PlainNode(Node, Generic[C]):
     """A node without an axis. Not on /rosout: its last words come when the context has ended."""
 
     def __init__(self, name: str, defaults: C) -> None:
-        super().__init__(name, namespace="azimuth", enable_rosout=False)
+        super().__init__(name, namespace="azimuth", enable_rosout=False, cli_args=own_arguments())
         self.config: C = parameters.declare(self, defaults, fixed=True)
         parameters.refuse_unknown(self)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)

@@ -19,8 +19,9 @@ from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
-from tcs_friction.control.config_field import setting, switch
+from tcs_friction.control.config_field import setting, switch, texts
 from tcs_friction.control.fading import Ramp
+from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND, set_stamp
@@ -30,6 +31,7 @@ from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN, PUBLISH
 from tcs_friction.nodes.rivals import Rivals
 from tcs_friction.nodes.steady import steady_timer
+from tcs_friction.nodes.surroundings import Surroundings
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE, JointWire, Numbers
 from tcs_friction.physics.simulate import Simulator
 
@@ -54,6 +56,7 @@ class PlantConfig(ManagedConfig):
     run_until: float = setting(1e9, "s", 0.0, 1e9, "lock-step: simulated time at which the axis waits")
     truth: bool = switch(False, "publish the true friction on true_friction")
     dynamometer: float = setting(0.0, "1/s", 0.0, 1e4, "readings of a simulated dynamometer; 0: none is mounted")
+    beside: tuple[str, ...] = texts("namespaces of other simulated axes: may act on it, in lock-step in one time", fixed=True)
     dynamometer_noise: float = setting(0.2, "N m", 0.0, 1e9, "RMS noise of its readings; 0.1 % of 200 N m")
 
 
@@ -82,6 +85,7 @@ class Plant(ManagedNode[PlantConfig]):
         self._ramp = Ramp(self.config.ramp_time)
         if not self.lock_step:
             self.health.expect(COMMAND, Level.WARN)
+        self._surroundings = Surroundings(self, self.health, self.config.beside, self._join, self._go_on)
         self.start()
         self.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
@@ -113,12 +117,16 @@ class Plant(ManagedNode[PlantConfig]):
             self._go_on()  # it may have been waiting at the old run_until
 
     def missing(self) -> str:
-        if self._command is not None or not self.active:
+        if not self.active:
             return ""
+        if self._command is not None:
+            return self._surroundings.missing(self._stamp)
         return f"acceptable torque_command for {self._stamp / SECOND:.6f} s{self._refusal}"
 
     def waits(self) -> str:
         reached = self.lock_step and self._stamp >= self._until
+        if not reached and self.lock_step and self._command is not None:
+            return self._surroundings.waits(self._stamp)
         return f"run_until ({self.config.run_until:g} s) is reached, it can be set later" if reached else ""
 
     def _identity(self, config: PlantConfig, file: AxisFile) -> tuple[object, ...]:
@@ -130,10 +138,20 @@ class Plant(ManagedNode[PlantConfig]):
         return (), lambda: ((), ())
 
     def _make(self, config: PlantConfig, file: AxisFile) -> Simulator:
-        signals = tuple(item.signal for item in file.axis.effects if item.signal is not None)
-        return Simulator(file.axis, config.period, config.seed, config.start_position, signals)
+        return Simulator(file.axis, config.period, config.seed, config.start_position, signals_of(file.axis))
 
     def _restart(self) -> None:
+        """From rest at the start position; in lock-step the axes beside begin anew as well."""
+        self._surroundings.begin()
+        self._begin_run()
+
+    def _join(self) -> None:
+        """An axis beside has begun a new run."""
+        if self.lock_step:
+            self._begin_run()
+
+    def _begin_run(self) -> None:
+        self._surroundings.follow(self.file)
         self._simulator = self._make(self.config, self.file)
         others, self._beside = self._others()
         self._wire = JointWire(self.file.axis.name, others)
@@ -178,8 +196,10 @@ class Plant(ManagedNode[PlantConfig]):
             self.health.heard(COMMAND, self._commanded)
 
     def _go_on(self) -> None:
-        """Lock-step: advance unless the end of the run is reached."""
-        if self._stamp >= self._until or self._command is None:
+        """Lock-step: advance unless the end of the run is reached, or an axis beside has not come as far."""
+        if not self.lock_step or self._stamp >= self._until or self._command is None:
+            return
+        if self._surroundings.behind(self._stamp):
             return
         command, self._command = self._command, None
         self._advance(command)
@@ -230,7 +250,8 @@ class Plant(ManagedNode[PlantConfig]):
         return f"two publishers of {COMMAND}" if self.rivals.topics else ""
 
     def _advance(self, torque: float) -> None:
-        self._applied = self._simulator.step(torque, self.config.temperature)
+        around = self._surroundings.at(self._stamp) if self.lock_step else self._surroundings.now(self.config.age_limit)
+        self._applied = self._simulator.step(torque, self.config.temperature, *around)
         self._index += 1
         self.health.ticks += 1
 
@@ -247,6 +268,7 @@ class Plant(ManagedNode[PlantConfig]):
         if not self.lock_step:
             self._recent.add(stamp)
         self._states.publish(self._state)
+        self._surroundings.say(stamp, simulator.position, simulator.velocity, self._applied)
         if self.config.truth:
             truth = (simulator.friction, simulator.velocity, simulator.opposing, True)
             self._truths.publish(ESTIMATE.write(stamp, *truth))
@@ -274,6 +296,10 @@ class Plant(ManagedNode[PlantConfig]):
         else:
             message.wrench.force.x = opposing
         self._wrenches.publish(message)
+
+    def _watch(self, now: float) -> None:
+        self._surroundings.judge()
+        super()._watch(now)
 
     _repeated = -1
 

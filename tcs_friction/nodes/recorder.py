@@ -35,7 +35,8 @@ class RecorderConfig:
     """What to record, and into what."""
 
     bag: str = text("", "directory to write; empty for recording_DATE_TIME here")
-    topics: tuple[str, ...] = texts("topics to record; none for all")
+    topics: tuple[str, ...] = texts("topics to record; none, and no axis: all")
+    axis: str = text("", "axis file: record what is in this namespace, and the signals that the file names")
     compression: str = choice("none", ("none", "lz4", "zstd"), "compression of the chunks of the file")
     split_size: float = setting(0.0, "MB", 0.0, 1e6, "begin a new file at this size; 0 for never")
     split_duration: float = setting(0.0, "s", 0.0, 1e6, "begin a new file after this time; 0 for never")
@@ -55,6 +56,10 @@ class RecorderNode(PlainNode[RecorderConfig]):
         self.bag = BagRecorder(path, compression, size, span)
         self.lost = 0
         self._wanted = set(self.resolved(config.topics))
+        self._own = ""  # what the names of this axis' topics begin with, "" if they are not asked for
+        if config.axis:
+            self._own = f"{self.get_namespace().rstrip('/')}/"
+            self._wanted |= _signals(config.axis)
         self._seen: set[str] = set()
         self._now: Callable[[], int] = time.time_ns
         if self.get_parameter("use_sim_time").value:
@@ -84,11 +89,16 @@ class RecorderNode(PlainNode[RecorderConfig]):
 
     def _discover(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():
-            if topic not in self._seen and (topic in self._wanted or not self._wanted):
+            if topic not in self._seen and self._asked(topic):
                 offered = self.get_publishers_info_by_topic(topic)
                 if offered:
                     self._seen.add(topic)
                     self._subscribe(topic, kinds[0], offered)
+
+    def _asked(self, topic: str) -> bool:
+        if self._own and topic.startswith(self._own):
+            return True
+        return topic in self._wanted or not (self._wanted or self._own)
 
     def _subscribe(self, topic: str, msgtype: str, offered: list[Any]) -> None:
         kind = message_class(msgtype)
@@ -111,6 +121,14 @@ class RecorderNode(PlainNode[RecorderConfig]):
     def _on_lost(self, event: Any) -> None:
         self.lost += event.total_count_change
         self.get_logger().warning(f"{self.lost} messages lost on the way to the recorder", throttle_duration_sec=1.0)
+
+
+def _signals(name: str) -> set[str]:
+    """The topics that an axis file names. Reading it loads all of physics, which a recorder does without otherwise."""
+    from tcs_friction.nodes.files import axis_file
+
+    signals = axis_file(name).signals
+    return set() if signals is None else set(signals.topics)
 
 
 def main(args: Sequence[str] | None = None) -> int:

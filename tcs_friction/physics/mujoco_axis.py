@@ -99,7 +99,13 @@ class MujocoSimulator(Simulator):
         """True speeds of `other_joints`, rad/s or m/s."""
         return tuple(self._qvel[self._dofs].tolist())
 
-    def step(self, command: float, temperature: float = 20.0, exogenous: tuple[float, ...] = ()) -> float:  # noqa: ARG002
+    def step(
+        self,
+        command: float,
+        temperature: float = 20.0,
+        exogenous: tuple[float, ...] = (),  # noqa: ARG002
+        rates: tuple[float, ...] | None = None,  # noqa: ARG002
+    ) -> float:
         """As of `Simulator`. The model knows nothing of temperature and signals."""
         return super().step(command, temperature)
 

@@ -55,8 +55,16 @@ class Simulator:
         self._before: list[list[float]] = [[] for _ in signals]
         self.ticks = 0
 
-    def step(self, command: float, temperature: float = 20.0, exogenous: tuple[float, ...] = ()) -> float:
+    def step(
+        self,
+        command: float,
+        temperature: float = 20.0,
+        exogenous: tuple[float, ...] = (),
+        rates: tuple[float, ...] | None = None,
+    ) -> float:
         """Advance one period under `command` (N m, finite); returns the torque applied after saturation.
+
+        exogenous: each signal's value. rates: of the signals, 1/s; None where a value comes every period: they follow from those.
 
         Raises InputError when the command is NaN or infinite; the axis then has not moved.
         """
@@ -67,7 +75,7 @@ class Simulator:
         motion = self.machine.motion
         motion[TEMPERATURE] = temperature
         for s, signal in enumerate(exogenous):
-            set_surroundings(motion, s + 1, signal, self._rate(s, signal))
+            set_surroundings(motion, s + 1, signal, self._rate(s, signal) if rates is None else rates[s])
         self.ticks += 1
         return self._tick(command, *self._noise.pop())
 

@@ -16,7 +16,7 @@ import pytest
 import tcs_friction.nodes  # noqa: F401 - says how messages travel, before anything of ROS is made
 from benchmarks.listening import Listening, Report, wait_until
 
-__all__ = ["wait_until"]
+__all__ = ["short_runs", "wait_until"]
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -27,21 +27,25 @@ def domain(ros_domain: None) -> None:
 
 
 class Together:
-    """Nodes of the graph on one executor in this process."""
+    """Nodes of the graph on one executor in this process; those of several axes by `/namespace/name`."""
 
-    def __init__(self, arguments: Sequence[str], names: Sequence[str]) -> None:
+    def __init__(self, arguments: Sequence[str], names: Sequence[str], axes: Sequence[str]) -> None:
         import rclpy
 
+        from tcs_friction.nodes.arguments import made_with
+        from tcs_friction.nodes.axes import arguments_by_axis
         from tcs_friction.nodes.executor import make_executor
-        from tcs_friction.nodes.graph import arguments_for, factory
+        from tcs_friction.nodes.graph import factory
 
-        reference = "azimuth_1p2m_run.yaml"
-        rclpy.init(args=["test", *arguments_for("azimuth_1p2m.yaml", reference, arguments)])
+        by_axis = arguments_by_axis(axes, (), arguments)
+        rclpy.init(args=["test", *next(iter(by_axis.values()))])
         self.executor = make_executor()
         self.nodes: dict[str, Any] = {}
-        for name in names:
-            self.nodes[name] = factory(name)()
-            self.executor.add_node(self.nodes[name])
+        for space, own in by_axis.items():
+            for name in names:
+                self.nodes[f"{space}/{name}" if space else name] = made_with(factory(name), own)
+        for node in self.nodes.values():
+            self.executor.add_node(node)
         self.driver = rclpy.create_node("driver", namespace="azimuth")
         self.executor.add_node(self.driver)
 
@@ -101,11 +105,11 @@ def together() -> Iterator[Callable[..., Together]]:
 
     made: list[Together] = []
 
-    def make(*arguments: str, nodes: Sequence[str] = ()) -> Together:
+    def make(*arguments: str, nodes: Sequence[str] = (), axes: Sequence[str] = ("azimuth_1p2m.yaml",)) -> Together:
         from tcs_friction.nodes.graph import LOOP
 
         try:
-            made.append(Together(arguments, nodes or LOOP))
+            made.append(Together(arguments, nodes or LOOP, axes))
         except Exception:
             rclpy.try_shutdown()
             raise
@@ -114,6 +118,14 @@ def together() -> Iterator[Callable[..., Together]]:
     yield make
     for graph in made:
         graph.close()
+
+
+def short_runs(folder: Path) -> tuple[Path, Path]:
+    """References of a few seconds: one to be tracked, with a reversal each way, and one on which friction is measured."""
+    run, measure = folder / "run.yaml", folder / "measure.yaml"
+    run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 0.7, acceleration: 5.0e-3, duration: 4.5}\n")
+    measure.write_text("reference: {kind: sinusoid, amplitude: 1.5e-3, period: 4.0, duration: 5.0}\n")
+    return run, measure
 
 
 class Processes:
@@ -128,21 +140,29 @@ class Processes:
         label = label or name
         self._run(label, "node", name, "--ros-args", *arguments)
 
-    def start_graph(self, *arguments: str, options: Sequence[str] = (), forked: bool = True) -> None:
-        """Start the whole graph, a process for each node, all of them forked from one; or all nodes in one process."""
-        self._run("graph", "graph", *(["--processes"] if forked else []), *options, "--ros-args", *arguments)
+    def start_graph(self, *arguments: str, options: Sequence[str] = (), one: bool = False) -> None:
+        """Start the whole graph, a process for each node, all of them forked from one; or in `one`."""
+        self._run("graph", "graph", *([] if one else ["--processes"]), *options, "--ros-args", *arguments)
 
     def _run(self, label: str, *words: str) -> None:
         command = [sys.executable, "-P", "-m", "tcs_friction.cli", *words]
         log = (self._folder / f"{label}.log").open("ab")
         env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
-        self._processes[label] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
+        self._processes[label] = subprocess.Popen(
+            command, stdout=log, stderr=subprocess.STDOUT, env=env, start_new_session=True
+        )
         log.close()
 
     def kill(self, name: str) -> None:
         """The hard way."""
         self._processes[name].send_signal(signal.SIGKILL)
         self._processes.pop(name).wait()
+
+    def kill_graph(self) -> None:
+        """All processes of `start_graph` at one stroke, as when the power fails."""
+        process = self._processes.pop("graph")
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
     def suspend(self, name: str) -> None:
         """Stop it where it is, as a debugger or a machine without memory does."""

@@ -97,6 +97,7 @@ def test_arguments_reach_the_nodes(launched: Any) -> None:
         "log_level": "debug",
         "use_sim_time": "true",
     }
+    assert launched.nodes(beside="/altitude,/dome")["plant"].parameters[0]["beside"] == ["/altitude", "/dome"]
     nodes = launched.nodes(plant="false", **wanted)
     assert "plant" not in nodes
     commission = nodes["commission"]

@@ -34,7 +34,7 @@ def test_commissioning_a_mount_on_mujoco_makes_it_track_better(processes: Any, c
     settings = {"measure_file": measure, "settle": 1.0, "run_until": 0.0, "results": tmp_path, "diagnoses": 0}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
     options = ("mount_azimuth.yaml", "--reference", str(run), "--plant", "mujoco", "--model", "mount_two_axis.xml")
-    processes.start_graph(*words, options=options, forked=False)
+    processes.start_graph(*words, options=options, one=True)
     client = ActionClient(caller.driver, Commission, "commission/commission")
     assert caller.until(client.server_is_ready, 60.0), processes.log("graph")
     sent = client.send_goal_async(Commission.Goal(directory="out"))
