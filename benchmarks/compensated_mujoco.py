@@ -64,7 +64,8 @@ def world(name: str, size: float, rng: np.random.Generator) -> EngineWorld:
     telescope = load_axis(shipped("azimuth_1p2m.yaml")).axis
     friction = instance(law("lugre"), s.friction)
     true = replace(telescope, name=file.axis.name, inertia=s.inertia, friction=friction, effects=())
-    return EngineWorld(name, recording, run(s.model, s.motion, s.loop, s.rng), file, truth, true, _text(s.model), _text(plain.model))
+    fresh = run(s.model, s.motion, s.loop, s.rng)
+    return EngineWorld(name, recording, fresh, file, truth, true, _text(s.model), _text(plain.model))
 
 
 def _text(model: Model) -> str:
