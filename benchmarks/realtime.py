@@ -35,7 +35,7 @@ PAIR = ("pair",)
 PLACES = {"one": "one process", "several": "four processes"}
 LOADS = {"without": "no load", "with": "under load"}
 LISTEN_ON = 0.5  # s after the last state, in which its answer may come
-SAMPLE = 1.0  # s between two looks at a process' memory
+SAMPLE = 5.0  # s between two looks at a process' memory, each of which takes a millisecond
 BEGIN_LIMIT = 120.0  # s
 MISSES = 0.01  # share of states without an answer from which on a run counts for nothing
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The benchmark's own options."""
     add = parser.add_argument
     add("--rates", default="250,500,1000", metavar="HZ,HZ", help="states per second (default %(default)s)")
-    add("--seconds", type=positive, default=60, help="of each combination, and as long of its bare pair (default %(default)s)")
+    add("--seconds", type=positive, default=120, help="of each combination, and as long of its bare pair (default %(default)s)")
     add("--turns", type=positive, default=2, help="into which they are divided (default %(default)s)")
     add("--warm-up", type=positive, default=3, help="seconds before each turn (default %(default)s)")
     add("--places", default=",".join(PLACES), help="where the nodes are: one process, several (default %(default)s)")
@@ -289,11 +289,11 @@ def _pair() -> Any:
     from sensor_msgs.msg import JointState
     from tcs_friction_msgs.msg import AxisTorque
 
-    from tcs_friction.nodes.qos import LISTEN, PUBLISH
+    from tcs_friction.nodes.qos import LISTEN, PUBLISH_IN_REAL_TIME
     from tcs_friction.nodes.wire import TORQUE, JointWire
 
     node = rclpy.create_node("pair", namespace="azimuth")
-    publisher, wire = node.create_publisher(AxisTorque, "torque_command", PUBLISH), JointWire("azimuth")
+    publisher, wire = node.create_publisher(AxisTorque, "torque_command", PUBLISH_IN_REAL_TIME), JointWire("azimuth")
     node.create_subscription(
         JointState, "joint_states", lambda data: publisher.publish(TORQUE.write(wire.read(data)[0], 0.0)), LISTEN, raw=True
     )
@@ -309,7 +309,7 @@ class Driver:
         from sensor_msgs.msg import JointState
         from tcs_friction_msgs.msg import AxisTorque
 
-        from tcs_friction.nodes.qos import LISTEN, PUBLISH
+        from tcs_friction.nodes.qos import LISTEN, PUBLISH_IN_REAL_TIME
         from tcs_friction.nodes.steady import steady_timer
         from tcs_friction.nodes.wire import JointWire
 
@@ -320,7 +320,7 @@ class Driver:
         self._numbers: dict[int, int] = {}  # of states by stamp, of those that count
         self._said, self._heard = array("d", bytes(8 * self._count)), array("d", [float("nan")]) * self._count
         self._ticks = -1  # -1: nobody has answered yet
-        self._publisher = self.node.create_publisher(JointState, "joint_states", PUBLISH)
+        self._publisher = self.node.create_publisher(JointState, "joint_states", PUBLISH_IN_REAL_TIME)
         self.node.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self._timer = steady_timer(self.node, 1.0 / rate, self._on_timer)
 

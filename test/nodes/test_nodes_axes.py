@@ -342,12 +342,14 @@ def test_the_command_runs_two_axes_in_real_time_and_one_begins_by_itself(process
     caller.driver.create_subscription(
         DiagnosticArray, "/diagnostics", lambda message: levels.update((s.name, s.level) for s in message.status), 100
     )
-    real_time = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "age_limit:=1.0", "-p", "watchdog:=1.0")
-    processes.start_graph(*real_time, options=BOTH, one=True)
+    real_time = ("-p", "period:=0.01", "-p", "age_limit:=1.0", "-p", "watchdog:=1.0")
+    processes.start_graph(*real_time, options=(*BOTH, "--realtime"), one=True)
     assert caller.until(lambda: min(map(len, heard.values())) > 20, 90.0), processes.log("graph")
     assert caller.call(Trigger, "/altitude/reference/start", Trigger.Request()).success
     assert caller.until(lambda: np.ptp(heard["/altitude"][-50:]) > 3e-4, 30.0), processes.log("graph")
     assert np.ptp(heard["/azimuth"]) < 1e-4, "rests where it is"
+    said = processes.log("graph")
+    assert "tcs-friction: real time granted: SCHED_FIFO" in said or "real time refused: SCHED_FIFO" in said
     everybody = {f"{space}/{name}" for space in heard for name in GRAPH}
     assert caller.until(lambda: everybody <= set(levels)), sorted(everybody - set(levels))
     assert processes.interrupt("graph") == 0

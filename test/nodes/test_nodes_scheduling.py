@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from sensor_msgs.msg import JointState
 
+from tcs_friction.cli import main
 from tcs_friction.errors import InputError
 from tcs_friction.nodes import scheduling
 from tcs_friction.nodes.base import AxisNode
@@ -73,6 +74,11 @@ def test_cores_that_are_none_are_refused(system: SimpleNamespace, cores: str) ->
         scheduling.ask(cores)
     assert not os.environ[scheduling.ASKED]
     assert system.asked == []
+
+
+def test_cores_are_for_real_time(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", "--cores", "2"]) == 2
+    assert capsys.readouterr().err == "tcs-friction: --cores: 2 without --realtime, expected both or neither\n"
 
 
 def test_a_thread_that_computes_is_ordinary(monkeypatch: pytest.MonkeyPatch) -> None:
