@@ -93,7 +93,8 @@ def _measured(rate: float, load: str, places: Sequence[str], arguments: argparse
         for kind, some in heard.items():
             some.append(_turn(kind, rate, arguments.seconds / arguments.turns, float(arguments.warm_up)))
     pair = Together.of(heard["pair"])
-    rows: list[dict[str, Any]] = []
+    granted = heard["pair"][0].memory[0].scheduling or "ordinary"
+    rows: list[dict[str, Any]] = [{"name": f"{rate:.0f} Hz, {LOADS[load]}: scheduling", "value": granted}]
     for place in places:
         rows += _rows(f"{rate:.0f} Hz, {PLACES[place]}, {LOADS[load]}", Together.of(heard[place]), pair)
     return rows
@@ -104,9 +105,13 @@ def _measured(rate: float, load: str, places: Sequence[str], arguments: argparse
 
 @dataclass
 class Memory:
-    """One process, looked at now and then: steady time (s), resident memory (B), blocks that Python has allocated."""
+    """One process, looked at now and then: steady time (s), resident memory (B), blocks that Python has allocated.
+
+    scheduling: what it was granted and refused of real time, "" for nothing asked.
+    """
 
     name: str
+    scheduling: str = ""
     at: array[float] = field(default_factory=lambda: array("d"))
     resident: array[float] = field(default_factory=lambda: array("d"))
     blocks: array[float] = field(default_factory=lambda: array("d"))
@@ -181,7 +186,8 @@ def _rows(name: str, ours: Together, pair: Together) -> list[dict[str, Any]]:
     rows.append({"name": f"{name}: states without an answer", "value": ours.misses, "unit": "1", "beside": pair.misses})
     grown = (("memory", "kB/min", ours.resident, pair.resident), ("allocated blocks", "1/min", ours.blocks, pair.blocks))
     for what, unit, (value, error), (beside, _) in grown:
-        rows.append({"name": f"{name}: growth of {what}", "value": value, "error": error, "unit": unit, "beside": beside})
+        if not np.isnan(value + beside):  # else the turns were too short to tell
+            rows.append({"name": f"{name}: growth of {what}", "value": value, "error": error, "unit": unit, "beside": beside})
     return rows
 
 
@@ -252,7 +258,7 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
     from tcs_friction.nodes.graph import arguments_for, factory
     from tcs_friction.nodes.steady import steady_timer
 
-    _say(scheduling.prepare(), names)
+    granted = scheduling.prepare()
     words = ["-p", "clock:=real_time", "-p", f"period:={1.0 / rate!r}", "-p", "switch1:=true", "-p", "switch3:=true"]
     arguments = arguments_for("azimuth_1p2m.yaml", "azimuth_1p2m_run.yaml", [*words, "--log-level", "error"])
     rclpy.init(args=["bench", *arguments])
@@ -260,7 +266,7 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
     nodes = [_pair() if name == "pair" else factory(name)() for name in names]
     for node in nodes:
         executor.add_node(node)
-    memory, done = Memory(" ".join(names)), Future()
+    memory, done = Memory(" ".join(names), granted), Future()
     started = time.monotonic()
 
     def look() -> None:
@@ -276,11 +282,6 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
     os._exit(0)  # without a farewell to the others
 
 
-
-
-def _say(words: str, names: Sequence[str]) -> None:
-    if words and names == PAIR and sys.stderr.isatty():
-        print(words, file=sys.stderr)
 
 
 def _pair() -> Any:
