@@ -23,6 +23,7 @@ from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.axes import arguments_by_axis
 from tcs_friction.nodes.beside import Beside
+from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.graph import GRAPH, LOOP
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.physics.simulate import Simulator
@@ -84,6 +85,15 @@ def test_a_single_axis_stays_in_the_namespace_that_it_always_had(tmp_path: Path)
 def test_names_that_do_not_go_together_are_refused(tmp_path: Path, name: str, arguments: tuple[str, ...], says: str) -> None:
     with pytest.raises(InputError, match=says):
         arguments_by_axis([BOTH[0], renamed(tmp_path, name, "b.yaml")], (), arguments)
+
+
+@pytest.mark.parametrize("words", [("-p", "seed"), ("-p", "/altitude/plant:seed:=3"), ("-r", "x")])
+def test_arguments_that_ros_cannot_read_cost_one_line(words: tuple[str, ...], capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(args=["graph", "--ros-args", *words]) == 2
+    (said,) = [line for line in capfd.readouterr().err.splitlines() if line.startswith("tcs-friction")]
+    assert said.startswith("tcs-friction: ROS arguments: ")
+    assert words[1] in said
+    assert said.endswith("expected -p NAME:=VALUE, -r OLD:=NEW; for a single node --params-file FILE")
 
 
 # One simulated time
