@@ -35,7 +35,7 @@ PAIR = ("pair",)
 PLACES = {"one": "one process", "several": "four processes"}
 LOADS = {"without": "no load", "with": "under load"}
 LISTEN_ON = 0.5  # s after the last state, in which its answer may come
-SAMPLE = 1.0  # s between two looks at a process' memory
+SAMPLE = 5.0  # s between two looks at a process' memory, each of which takes a millisecond
 BEGIN_LIMIT = 120.0  # s
 MISSES = 0.01  # share of states without an answer from which on a run counts for nothing
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The benchmark's own options."""
     add = parser.add_argument
     add("--rates", default="250,500,1000", metavar="HZ,HZ", help="states per second (default %(default)s)")
-    add("--seconds", type=positive, default=60, help="of each combination, and as long of its bare pair (default %(default)s)")
+    add("--seconds", type=positive, default=120, help="of each combination, and as long of its bare pair (default %(default)s)")
     add("--turns", type=positive, default=2, help="into which they are divided (default %(default)s)")
     add("--warm-up", type=positive, default=3, help="seconds before each turn (default %(default)s)")
     add("--places", default=",".join(PLACES), help="where the nodes are: one process, several (default %(default)s)")
@@ -93,7 +93,8 @@ def _measured(rate: float, load: str, places: Sequence[str], arguments: argparse
         for kind, some in heard.items():
             some.append(_turn(kind, rate, arguments.seconds / arguments.turns, float(arguments.warm_up)))
     pair = Together.of(heard["pair"])
-    rows: list[dict[str, Any]] = []
+    granted = heard["pair"][0].memory[0].scheduling or "ordinary"
+    rows: list[dict[str, Any]] = [{"name": f"{rate:.0f} Hz, {LOADS[load]}: scheduling", "value": granted}]
     for place in places:
         rows += _rows(f"{rate:.0f} Hz, {PLACES[place]}, {LOADS[load]}", Together.of(heard[place]), pair)
     return rows
@@ -104,9 +105,13 @@ def _measured(rate: float, load: str, places: Sequence[str], arguments: argparse
 
 @dataclass
 class Memory:
-    """One process, looked at now and then: steady time (s), resident memory (B), blocks that Python has allocated."""
+    """One process, looked at now and then: steady time (s), resident memory (B), blocks that Python has allocated.
+
+    scheduling: what it was granted and refused of real time, "" for nothing asked.
+    """
 
     name: str
+    scheduling: str = ""
     at: array[float] = field(default_factory=lambda: array("d"))
     resident: array[float] = field(default_factory=lambda: array("d"))
     blocks: array[float] = field(default_factory=lambda: array("d"))
@@ -181,7 +186,8 @@ def _rows(name: str, ours: Together, pair: Together) -> list[dict[str, Any]]:
     rows.append({"name": f"{name}: states without an answer", "value": ours.misses, "unit": "1", "beside": pair.misses})
     grown = (("memory", "kB/min", ours.resident, pair.resident), ("allocated blocks", "1/min", ours.blocks, pair.blocks))
     for what, unit, (value, error), (beside, _) in grown:
-        rows.append({"name": f"{name}: growth of {what}", "value": value, "error": error, "unit": unit, "beside": beside})
+        if not np.isnan(value + beside):  # else the turns were too short to tell
+            rows.append({"name": f"{name}: growth of {what}", "value": value, "error": error, "unit": unit, "beside": beside})
     return rows
 
 
@@ -252,7 +258,7 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
     from tcs_friction.nodes.graph import arguments_for, factory
     from tcs_friction.nodes.steady import steady_timer
 
-    _say(scheduling.prepare(), names)
+    granted = scheduling.prepare()
     words = ["-p", "clock:=real_time", "-p", f"period:={1.0 / rate!r}", "-p", "switch1:=true", "-p", "switch3:=true"]
     arguments = arguments_for("azimuth_1p2m.yaml", "azimuth_1p2m_run.yaml", [*words, "--log-level", "error"])
     rclpy.init(args=["bench", *arguments])
@@ -260,7 +266,7 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
     nodes = [_pair() if name == "pair" else factory(name)() for name in names]
     for node in nodes:
         executor.add_node(node)
-    memory, done = Memory(" ".join(names)), Future()
+    memory, done = Memory(" ".join(names), granted), Future()
     started = time.monotonic()
 
     def look() -> None:
@@ -278,22 +284,17 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
 
 
 
-def _say(words: str, names: Sequence[str]) -> None:
-    if words and names == PAIR and sys.stderr.isatty():
-        print(words, file=sys.stderr)
-
-
 def _pair() -> Any:
     """The bare subscriber and publisher: answers a state with a command of the same stamp, computing nothing."""
     import rclpy
     from sensor_msgs.msg import JointState
     from tcs_friction_msgs.msg import AxisTorque
 
-    from tcs_friction.nodes.qos import LISTEN, PUBLISH
+    from tcs_friction.nodes.qos import LISTEN, PUBLISH_IN_REAL_TIME
     from tcs_friction.nodes.wire import TORQUE, JointWire
 
     node = rclpy.create_node("pair", namespace="azimuth")
-    publisher, wire = node.create_publisher(AxisTorque, "torque_command", PUBLISH), JointWire("azimuth")
+    publisher, wire = node.create_publisher(AxisTorque, "torque_command", PUBLISH_IN_REAL_TIME), JointWire("azimuth")
     node.create_subscription(
         JointState, "joint_states", lambda data: publisher.publish(TORQUE.write(wire.read(data)[0], 0.0)), LISTEN, raw=True
     )
@@ -309,7 +310,7 @@ class Driver:
         from sensor_msgs.msg import JointState
         from tcs_friction_msgs.msg import AxisTorque
 
-        from tcs_friction.nodes.qos import LISTEN, PUBLISH
+        from tcs_friction.nodes.qos import LISTEN, PUBLISH_IN_REAL_TIME
         from tcs_friction.nodes.steady import steady_timer
         from tcs_friction.nodes.wire import JointWire
 
@@ -320,7 +321,7 @@ class Driver:
         self._numbers: dict[int, int] = {}  # of states by stamp, of those that count
         self._said, self._heard = array("d", bytes(8 * self._count)), array("d", [float("nan")]) * self._count
         self._ticks = -1  # -1: nobody has answered yet
-        self._publisher = self.node.create_publisher(JointState, "joint_states", PUBLISH)
+        self._publisher = self.node.create_publisher(JointState, "joint_states", PUBLISH_IN_REAL_TIME)
         self.node.create_subscription(AxisTorque, "torque_command", self._on_command, LISTEN, raw=True)
         self._timer = steady_timer(self.node, 1.0 / rate, self._on_timer)
 

@@ -34,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the graph."""
     check_plant(arguments)
+    if arguments.cores and not arguments.realtime:
+        raise InputError("--cores", f"{arguments.cores} without --realtime", "both or neither")
     end_at_once()
     stay_local()
     keep_logs()
@@ -43,8 +45,6 @@ def run(arguments: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     driven = ["-p", "simulated:=false"] if arguments.no_plant else []
-    if arguments.cores and not arguments.realtime:
-        raise InputError("--cores", "without --realtime", "both")
     if arguments.realtime:
         scheduling.ask(arguments.cores or scheduling.ALL)
         driven += ["-p", "clock:=real_time"]

@@ -23,6 +23,7 @@ from tcs_friction.nodes.driver import TOPIC, DriverWatch
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.health import Health, Judgement
 from tcs_friction.nodes.log_lines import Problems, Warnings
+from tcs_friction.nodes.qos import PUBLISH, PUBLISH_IN_REAL_TIME
 from tcs_friction.nodes.steady import steady_timer
 
 LOCK_STEP, REAL_TIME = "lock_step", "real_time"
@@ -84,6 +85,7 @@ class AxisNode(Node, Generic[C]):
         self.config: C = parameters.declare(self, defaults(self.file))
         parameters.refuse_unknown(self)
         self.lock_step = self.config.clock == LOCK_STEP
+        self.publish_profile = PUBLISH if self.lock_step else PUBLISH_IN_REAL_TIME
         self.check(self.config, self.file)
         self.add_on_set_parameters_callback(self._accept)
         self.add_post_set_parameters_callback(self._apply)

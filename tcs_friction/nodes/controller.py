@@ -22,7 +22,7 @@ from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.model import MeasuredMotion, ModelConfig
-from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.qos import LISTEN
 from tcs_friction.nodes.rivals import HeardInput, Rivals
 from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE
 
@@ -57,7 +57,7 @@ class Controller(ManagedNode[ControllerConfig]):
     def __init__(self) -> None:
         self._motion = MeasuredMotion()
         super().__init__("controller", defaults)
-        self._publisher = self.create_publisher(AxisTorque, "torque_command", PUBLISH)
+        self._publisher = self.create_publisher(AxisTorque, "torque_command", self.publish_profile)
         self._message = b""
         self._pending = self._done = -1
         self._reference: tuple[float, ...] = (0.0, 0.0, 0.0)

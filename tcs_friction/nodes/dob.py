@@ -28,7 +28,7 @@ from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.joint_input import JointInput
 from tcs_friction.nodes.model import MeasuredMotion, ModelConfig
-from tcs_friction.nodes.qos import COLLECT, LISTEN, PUBLISH
+from tcs_friction.nodes.qos import COLLECT, LISTEN
 from tcs_friction.nodes.wire import ESTIMATE, TORQUE
 
 COMPENSATION = "friction_compensation"
@@ -58,7 +58,7 @@ class Dob(AxisNode[DobNodeConfig]):
     def __init__(self) -> None:
         self._motion = MeasuredMotion()
         super().__init__("dob", defaults)
-        self._publisher = self.create_publisher(FrictionEstimate, "friction_estimate", PUBLISH)
+        self._publisher = self.create_publisher(FrictionEstimate, "friction_estimate", self.publish_profile)
         self._message = b""
         self._running = False  # Switch1 at the last tick
         self._done = self._pending = -1

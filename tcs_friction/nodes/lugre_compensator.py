@@ -33,7 +33,7 @@ from tcs_friction.nodes.convert import SECOND, friction_of, nanoseconds
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.live_signals import LiveSignals
 from tcs_friction.nodes.model import ModelConfig, ModelFile
-from tcs_friction.nodes.qos import LATCHED, LISTEN, PUBLISH
+from tcs_friction.nodes.qos import LATCHED, LISTEN
 from tcs_friction.nodes.wire import REFERENCE, TORQUE, message_of
 from tcs_friction.physics.axis import Axis
 
@@ -65,7 +65,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._models = ModelFile()
         self._model: ModelCompensator | None = None
         super().__init__("lugre_compensator", defaults)
-        self._publisher = self.create_publisher(AxisTorque, "friction_compensation", PUBLISH)
+        self._publisher = self.create_publisher(AxisTorque, "friction_compensation", self.publish_profile)
         self._message = b""
         self._identified = 0  # ns, stamp of the parameters taken last
         self._stamp = -1

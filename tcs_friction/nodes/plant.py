@@ -28,7 +28,7 @@ from tcs_friction.nodes.convert import SECOND, set_stamp
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
-from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.qos import LISTEN
 from tcs_friction.nodes.rivals import Rivals
 from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.nodes.surroundings import Surroundings
@@ -73,10 +73,10 @@ class Plant(ManagedNode[PlantConfig]):
 
     def __init__(self, defaults: Callable[[AxisFile], PlantConfig] = defaults) -> None:
         super().__init__("plant", defaults)
-        self._states = self.create_publisher(JointState, "joint_states", PUBLISH)
-        self._truths = self.create_publisher(FrictionEstimate, "true_friction", PUBLISH)
-        self._temperatures = self.create_publisher(Temperature, "temperature", PUBLISH)
-        self._wrenches = self.create_publisher(WrenchStamped, "dynamometer", PUBLISH)
+        self._states = self.create_publisher(JointState, "joint_states", self.publish_profile)
+        self._truths = self.create_publisher(FrictionEstimate, "true_friction", self.publish_profile)
+        self._temperatures = self.create_publisher(Temperature, "temperature", self.publish_profile)
+        self._wrenches = self.create_publisher(WrenchStamped, "dynamometer", self.publish_profile)
         self._timer = None
         self._command: float | None = None
         self._commanded = -math.inf  # steady time of the last good command

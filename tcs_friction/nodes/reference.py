@@ -20,7 +20,7 @@ from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.files import reference_file
 from tcs_friction.nodes.joint_input import JointInput
-from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.qos import LISTEN
 from tcs_friction.nodes.wire import REFERENCE
 
 
@@ -72,7 +72,7 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
 
     def __init__(self) -> None:
         super().__init__("reference", defaults)
-        self._publisher = self.create_publisher(AxisReference, "reference", PUBLISH)
+        self._publisher = self.create_publisher(AxisReference, "reference", self.publish_profile)
         self._message = b""
         self._state = JointInput(self.health, self.lock_step)
         self._joined = JoinedReference(self.config)

@@ -29,6 +29,7 @@ def test_states_without_an_answer_are_counted_and_too_many_are_an_error() -> Non
     heard = said + 2e-4
     heard[500] = np.nan
     found = Together.of([Heard(said, heard, (Memory("controller"),))])
+    assert np.isnan(found.resident[0]), "two samples tell nothing"
     assert found.misses == 1e-3
     assert np.percentile(found.latency, [0, 100]) == pytest.approx(0.2)
     assert found.jitter.max() < 1e-9

@@ -23,6 +23,7 @@ from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.axes import arguments_by_axis
 from tcs_friction.nodes.beside import Beside
+from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.graph import GRAPH, LOOP
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.physics.simulate import Simulator
@@ -84,6 +85,15 @@ def test_a_single_axis_stays_in_the_namespace_that_it_always_had(tmp_path: Path)
 def test_names_that_do_not_go_together_are_refused(tmp_path: Path, name: str, arguments: tuple[str, ...], says: str) -> None:
     with pytest.raises(InputError, match=says):
         arguments_by_axis([BOTH[0], renamed(tmp_path, name, "b.yaml")], (), arguments)
+
+
+@pytest.mark.parametrize("words", [("-p", "seed"), ("-p", "/altitude/plant:seed:=3"), ("-r", "x")])
+def test_arguments_that_ros_cannot_read_cost_one_line(words: tuple[str, ...], capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(args=["graph", "--ros-args", *words]) == 2
+    (said,) = [line for line in capfd.readouterr().err.splitlines() if line.startswith("tcs-friction")]
+    assert said.startswith("tcs-friction: ROS arguments: ")
+    assert words[1] in said
+    assert said.endswith("expected -p NAME:=VALUE, -r OLD:=NEW; for a single node --params-file FILE")
 
 
 # One simulated time
@@ -342,12 +352,14 @@ def test_the_command_runs_two_axes_in_real_time_and_one_begins_by_itself(process
     caller.driver.create_subscription(
         DiagnosticArray, "/diagnostics", lambda message: levels.update((s.name, s.level) for s in message.status), 100
     )
-    real_time = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "age_limit:=1.0", "-p", "watchdog:=1.0")
-    processes.start_graph(*real_time, options=BOTH, one=True)
+    real_time = ("-p", "period:=0.01", "-p", "age_limit:=1.0", "-p", "watchdog:=1.0")
+    processes.start_graph(*real_time, options=(*BOTH, "--realtime"), one=True)
     assert caller.until(lambda: min(map(len, heard.values())) > 20, 90.0), processes.log("graph")
     assert caller.call(Trigger, "/altitude/reference/start", Trigger.Request()).success
     assert caller.until(lambda: np.ptp(heard["/altitude"][-50:]) > 3e-4, 30.0), processes.log("graph")
     assert np.ptp(heard["/azimuth"]) < 1e-4, "rests where it is"
+    said = processes.log("graph")
+    assert "tcs-friction: real time granted: SCHED_FIFO" in said or "real time refused: SCHED_FIFO" in said
     everybody = {f"{space}/{name}" for space in heard for name in GRAPH}
     assert caller.until(lambda: everybody <= set(levels)), sorted(everybody - set(levels))
     assert processes.interrupt("graph") == 0
