@@ -10,13 +10,8 @@ from closed_loop_cases import telescope_file
 
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
-from tcs_friction.diagnose.dataset.preprocessing import prepare
-from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import settle
-from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
-from tcs_friction.diagnose.search.stepwise import pruned
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
@@ -32,7 +27,7 @@ MOTIONS = {
 
 
 def recorded(motion: dict[str, Any], seed: int, **effects: dict[str, float]) -> tuple[Recording, Axis]:
-    """The telescope in its controller with these effects, and without."""
+    """The telescope in its controller with these effects, and its axis without."""
     file = telescope_file()
     assert file.control is not None
     plain = replace(file.axis, effects=())
@@ -60,18 +55,6 @@ def test_a_spring_that_no_inertia_explains_is_named_on_a_swing() -> None:
     (one,) = found.effects
     assert "cable_wrap" in {one.effect, *(kind.effect for kind in one.equivalent)}
     assert found.axis_file.axis.inertia == pytest.approx(1000.0, rel=0.02)
-
-
-def test_a_spring_is_not_left_shared_between_two_names() -> None:
-    """Over a sixth of a turn a cable and an imbalance are nearly one: without the one the other takes its torque over."""
-    recording, plain = recorded(MOTIONS["pass"], 3, cable_wrap={"stiffness": 100.0})
-    both = plain.with_effect(instance(effect("imbalance"), {"amplitude": 50.0}))
-    both = both.with_effect(instance(effect("cable_wrap"), {"stiffness": 50.0}))
-    balance = TorqueBalance(prepare([recording], memory=10.0 * plain.bristle), plain.actuation_delay)
-    retuned = settle(balance, plain, white_noise(balance.samples))
-    fit = pruned(balance, settle(balance, both, white_noise(balance.samples)), retuned)
-    assert [item.term.id for item in fit.axis.effects] == ["cable_wrap"]
-    assert fit.axis.effects[0].values["stiffness"] == pytest.approx(100.0, abs=2.0)
 
 
 def test_cogging_is_named_alone_on_a_swing() -> None:
