@@ -130,7 +130,7 @@ def test_effects_are_told_with_their_own_contests(fitted: tuple[TorqueBalance, F
         assert item.before > 1.2 * item.after
     bias = found["torque_bias"].parameters["bias"]
     assert bias["value"] == 2.0
-    assert bias["std"] == pytest.approx(improved.squares.dispersion**0.5), "of a number with unit covariance"
+    assert bias["std"] == pytest.approx(1e-3 * improved.squares.dispersion**0.5), "of a number known to a thousandth"
     assert bias["unit"] == "N m"
 
 
