@@ -108,9 +108,9 @@ def settled(data: DataSet) -> tuple[TorqueBalance, Fit]:
 
 
 def unfitted(balance: TorqueBalance, model: Axis, noise: NoiseModel) -> Fit:
-    """An axis as it is, as if it had been fitted."""
+    """An axis as it is, as if it had been fitted, with numbers known to a thousandth."""
     free = tuple(balance.free(model))
-    return Fit(model, free, np.eye(len(free)), balance.squares(model, noise), Outcome.CONVERGED)
+    return Fit(model, free, 1e-6 * np.eye(len(free)), balance.squares(model, noise), Outcome.CONVERGED)
 
 
 def selected(balance: TorqueBalance, excluded: frozenset[str] = frozenset()) -> Selection:

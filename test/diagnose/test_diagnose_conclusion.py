@@ -16,7 +16,7 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
-from tcs_friction.diagnose.outcome.proof import _Proof, found_effects
+from tcs_friction.diagnose.outcome.proof import _Proof, _resolved, found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
@@ -130,7 +130,7 @@ def test_effects_are_told_with_their_own_contests(fitted: tuple[TorqueBalance, F
         assert item.before > 1.2 * item.after
     bias = found["torque_bias"].parameters["bias"]
     assert bias["value"] == 2.0
-    assert bias["std"] == pytest.approx(improved.squares.dispersion**0.5), "of a number with unit covariance"
+    assert bias["std"] == pytest.approx(1e-3 * improved.squares.dispersion**0.5), "of a number known to a thousandth"
     assert bias["unit"] == "N m"
 
 
@@ -249,3 +249,11 @@ def test_a_retuning_that_predicts_worse_is_no_better_model(
     held = {"believed": believed, "retuned": retuned, "improved": improved}
     errors = {name: Errors(1.0, value) for name, value in held.items()}
     assert conclusion._retuning_fails(errors, 0.29) == fails
+
+
+@pytest.mark.parametrize(("deviation", "resolved"), [(0.5, True), (1.5, False)])
+def test_the_size_of_a_named_effect_is_told_from_zero(deviation: float, resolved: bool) -> None:
+    for value in (2.0, -2.0):
+        assert _resolved(BIAS, {"bias": {"value": value, "std": deviation}}) is resolved
+    lag = instance(effect("actuator_lag"), {"time_constant": 0.01})
+    assert _resolved(lag, {"time_constant": {"value": 0.01, "std": 0.02}}), "a shape has bounds of its own"

@@ -12,6 +12,7 @@ from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
@@ -25,15 +26,21 @@ MOTIONS = {
 }
 
 
-def diagnosed(motion: dict[str, Any], seed: int, **effects: dict[str, float]) -> Diagnosis:
-    """Of the telescope in its controller, believed as it is but for these effects."""
+def recorded(motion: dict[str, Any], seed: int, **effects: dict[str, float]) -> tuple[Recording, Axis]:
+    """The telescope in its controller with these effects, and its axis without."""
     file = telescope_file()
     assert file.control is not None
     plain = replace(file.axis, effects=())
     axis = replace(plain, effects=tuple(instance(effect(name), values) for name, values in effects.items()))
     control = (file.control.controller, file.control.loop, file.control.observer, file.control.compensator)
     run = simulate_loop(axis, reference_from_mapping(motion, "motion"), *control, seed)
-    return diagnose([Recording(run.t, run.position, run.torque, source="simulated")], file.with_axis(plain))
+    return Recording(run.t, run.position, run.torque, source="simulated"), plain
+
+
+def diagnosed(motion: dict[str, Any], seed: int, **effects: dict[str, float]) -> Diagnosis:
+    """Of that recording, where none of the effects is known."""
+    recording, plain = recorded(motion, seed, **effects)
+    return diagnose([recording], telescope_file().with_axis(plain))
 
 
 @pytest.mark.parametrize("name", MOTIONS)

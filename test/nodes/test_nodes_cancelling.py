@@ -194,26 +194,6 @@ def test_a_wrong_diagnosis_changes_nothing_that_was_verified(commissioned: Calla
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
 
 
-def test_an_error_of_the_encoder_is_corrected_where_a_fresh_recording_shows_it(
-    commissioned: Callable[..., Any], tmp_path: Path
-) -> None:
-    """The tracking error is measured by the encoder itself and says nothing of it."""
-    graph, told = commissioned({"encoder_periodic_error": ENCODER}, plant=(), encoder=(ENCODER,))
-    result = commission(graph, "out").result
-    assert result.success, result.message
-    assert list(result.cancelled) == ["encoder_periodic_error"]
-    content = json.loads((tmp_path / "out/commission.json").read_text())
-    (entry,) = content["effects"]
-    assert entry["gain"]["of"] == "torque"
-    assert entry["gain"]["between"][1] < 0.9
-    assert (tmp_path / "out/check_1").is_dir()
-    assert content["found"]["rms"] < content["after"]["rms"]
-    model = str(tmp_path / "out/model.yaml")
-    assert {graph[name].config.model for name in ("controller", "dob")} == {model}
-    assert [item.term.id for item in load_axis(Path(model)).axis.effects] == ["encoder_periodic_error"]
-    assert [item.term.id for item in told.asked[1][1].axis.effects] == ["encoder_periodic_error"], "what is known is believed"
-
-
 def test_an_error_of_the_encoder_with_the_wrong_sign_is_not_corrected(commissioned: Callable[..., Any], tmp_path: Path) -> None:
     wrong = {**ENCODER, "amplitude": -ENCODER["amplitude"]}
     graph, _ = commissioned({"encoder_periodic_error": wrong}, plant=(), encoder=(ENCODER,))
@@ -226,14 +206,23 @@ def test_an_error_of_the_encoder_with_the_wrong_sign_is_not_corrected(commission
         assert not model or load_axis(Path(model)).axis.effects == ()
 
 
-def test_what_a_torque_and_the_encoder_do_is_cancelled_together(commissioned: Callable[..., Any], tmp_path: Path) -> None:
-    graph, _ = commissioned({"cogging": RIPPLE, "encoder_periodic_error": ENCODER}, encoder=(ENCODER,))
+def test_an_error_of_the_encoder_is_corrected_where_a_fresh_recording_shows_it(
+    commissioned: Callable[..., Any], tmp_path: Path
+) -> None:
+    """The tracking error is measured by the encoder itself and says nothing of it; the torque's effect beside it is tracked."""
+    graph, told = commissioned({"cogging": RIPPLE, "encoder_periodic_error": ENCODER}, encoder=(ENCODER,))
     result = commission(graph, "out").result
     assert result.success, result.message
     assert sorted(result.cancelled) == ["cogging", "encoder_periodic_error"]
     assert models(graph) == {(str(tmp_path / "out/model.yaml"), ())}
     content = json.loads((tmp_path / "out/commission.json").read_text())
+    gains = {entry["name"]: entry["gain"] for entry in content["effects"]}
+    assert {name: gain["of"] for name, gain in gains.items()} == {"cogging": "tracking", "encoder_periodic_error": "torque"}
+    assert gains["encoder_periodic_error"]["between"][1] < 0.9
+    assert (tmp_path / "out/check_1").is_dir()
     assert content["found"]["rms"] < 0.6 * content["after"]["rms"]
+    believed = sorted(item.term.id for item in told.asked[1][1].axis.effects)
+    assert believed == ["cogging", "encoder_periodic_error"], "what is known is believed"
 
 
 def test_a_motion_is_made_for_a_diagnosis_and_the_next_one_may_ask_for_another(

@@ -39,6 +39,7 @@ SHAPE_PRIOR = 3.0  # the same for a positive number of an effect: a factor of tw
 OTHER_BASIN = 2.0  # factor from a believed number of the law, from which its fit may be in another minimum
 FIRST_ITERATIONS, LATER_ITERATIONS = 20, 8  # of the first fit of `settle` and of those after a new noise estimate
 WITHOUT_ITERATIONS, WITHOUT_TOLERANCE = 5, 0.5  # of a fit without one effect, which starts near its optimum
+SHARED = 0.9  # correlation of two effects' numbers, from which they share a torque
 LARGEST_LOG_CHANGE = 0.7  # in one step of a fit: a positive number changes at most by a factor of two
 FORETOLD = 0.1  # of a step's gain, by which it may miss what the derivatives foretold for them to serve again
 SCHEDULE = Schedule(start=1e-4, ease=5.0, tighten=8.0, least=1e-9, attempts=6, floor=1e-12)  # fits start near their optimum
@@ -126,11 +127,26 @@ def under(balance: TorqueBalance, fit: Fit, noise: NoiseModel) -> Fit:
 
 
 def fit_without(balance: TorqueBalance, fit: Fit, item: Instance) -> Fit:
-    """The joint fit without one effect; where that timed the torque, the alignment does what it can."""
+    """The joint fit without one effect; where that timed the torque, the alignment does what it can.
+
+    Effects that shared its torque take that over first: all numbers at once, far from the optimum, would lead the law astray.
+    """
     fewer = fit.axis.without_effect(item)
+    if _shares_torque(fit, item):
+        others = [number for number in balance.free(fewer) if number.part is Part.EFFECT]
+        fewer = least_squares(balance, fewer, others, fit.noise, prior(others), WITHOUT_ITERATIONS, WITHOUT_TOLERANCE).axis
     if item.term.filters:
         fewer = fit_timing(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
     return fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
+
+
+def _shares_torque(fit: Fit, item: Instance) -> bool:
+    """Whether an effect's numbers go with those of another effect, so that the data hardly tell whose torque it is."""
+    own = np.array([number.effect == item.identity for number in fit.free])
+    others = np.array([number.part is Part.EFFECT for number in fit.free]) & ~own
+    deviations = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    correlation = np.abs(fit.covariance / np.outer(deviations, deviations))[np.ix_(own, others)]
+    return bool(np.any(correlation > SHARED))
 
 
 def from_believed_law(balance: TorqueBalance, fit: Fit, believed: Axis) -> Axis:

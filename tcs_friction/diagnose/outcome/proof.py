@@ -28,6 +28,7 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Role
 
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
+RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
 ECHO = 0.1  # of a wave's torque, as well as gain and timing of a logged torque are known over the frequencies of a chirp
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
@@ -102,7 +103,10 @@ class _Proof:
             after=left[1],
             delta_bic=penalty - gain,
             agreement=agreement,
-            established=certainty >= NAMED and left[1] <= (1.0 + FLOOR_ERROR) * left[0] and not self._echoes(item, rms(torque)),
+            established=certainty >= NAMED
+            and left[1] <= (1.0 + FLOOR_ERROR) * left[0]
+            and _resolved(item, parameters)
+            and not self._echoes(item, rms(torque)),
         )
 
     def _echoes(self, item: Instance, size: float) -> bool:
@@ -161,6 +165,12 @@ class _Proof:
                 unit = each.unit_for(fit.axis.kind)
                 result[each.name] = {"value": item.values[each.name], "std": deviation, "unit": unit}
         return result
+
+
+def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether one of the numbers that an effect's torque is proportional to is told from zero."""
+    sizes = [parameters[p.name] for p in item.term.parameters if p.role is Role.LINEAR and p.name in parameters]
+    return not sizes or any(abs(size["value"]) > RESOLVED * size["std"] for size in sizes)
 
 
 def _deviations(
