@@ -32,24 +32,31 @@ def test_what_noise_and_acceleration_share_is_seen_where_nothing_drives_the_axis
     residual, inertial = spectra(answer)
     residual[:, 20:40], inertial[:, 20:40] = residual[:, 20:40] + 3.0, inertial[:, 20:40] + 100.0  # driven, mismatched
     residual[:, 60] += 50.0  # a line
-    found = attenuation_bias(axis(), FREQUENCY, residual, inertial, 100.0, np.zeros(129))
+    found = attenuation_bias(axis(), 1e7, FREQUENCY, residual, inertial, 100.0, np.zeros(129))
     assert np.sum(found.whole) == pytest.approx(2.0 * 100.0 * answer * 129.0, rel=0.06, abs=700.0)
 
 
 def test_where_no_frequency_is_quiet_nothing_is_corrected() -> None:
     residual, inertial = spectra(0.8)
-    found = attenuation_bias(axis(), FREQUENCY, residual, inertial + 100.0, 100.0, np.zeros(129))
+    found = attenuation_bias(axis(), 1e7, FREQUENCY, residual, inertial + 100.0, 100.0, np.zeros(129))
     assert found.squares(replace(axis(), inertia=1.0)) == 0.0
 
 
 @pytest.mark.parametrize("answer", [-0.8, 0.8])
 def test_far_from_the_axis_noise_gives_no_more_than_near_it(answer: float) -> None:
     """The squares that noise gives to another inertia are never counted as too few."""
-    found = attenuation_bias(axis(), FREQUENCY, *spectra(answer), 100.0, np.zeros(129))
+    found = attenuation_bias(axis(), 1e7, FREQUENCY, *spectra(answer), 100.0, np.zeros(129))
     whole = float(np.sum(found.whole))
     for factor in (0.5, 0.8, 1.25, 2.0):
         squares = found.squares(replace(axis(), inertia=factor * axis().inertia))
         assert squares >= max(whole * (1.0 - factor), -whole * np.log(factor)) - 1e-9
+
+
+def test_where_hardly_anything_drives_the_axis_noise_gives_no_squares() -> None:
+    found = attenuation_bias(axis(), 1e5, FREQUENCY, *spectra(0.8), 100.0, np.zeros(129))
+    lighter, heavier = (found.squares(replace(axis(), inertia=factor * axis().inertia)) for factor in (0.5, 2.0))
+    assert lighter > 0.0
+    assert heavier == 0.0
 
 
 def test_the_driven_part_of_an_acceleration_has_the_reference_and_not_the_noise() -> None:
@@ -66,7 +73,7 @@ def test_the_driven_part_of_an_acceleration_has_the_reference_and_not_the_noise(
 def test_a_lighter_axis_owes_more_to_noise() -> None:
     swinging = axis(item("flexible_mode", frequency=30.0, damping=0.02, inertia_ratio=0.2))
     residual, inertial = spectra(0.8)
-    found = attenuation_bias(swinging, FREQUENCY, residual, inertial, 100.0, 0.1 * np.ones(129))
+    found = attenuation_bias(swinging, 1e7, FREQUENCY, residual, inertial, 100.0, 0.1 * np.ones(129))
     free = free_parameters(swinging)
     numbers = read_numbers(swinging, free)
     for k, number in enumerate(free):

@@ -22,7 +22,7 @@ ONE_SPEED = 1.5  # fastest over slowest speed
 SHORT = 20.0  # s
 FEW_REVERSALS = 4
 ONE_SINUSOID = 0.98  # correlation of acceleration with position, reversed
-AVERAGED = 1.0  # s, over which both are averaged for it
+AVERAGED, OF_A_PERIOD = 1.0, 40.0  # s, and parts of a period at most, over which both are averaged for it
 TENTH = 0.1  # of a turn of travel
 BUILT_UP = 3.0  # bristle deflections, after which 95 % of the friction is built up in the new direction
 SEEN = 6.0  # standard deviations of the position's noise, that a motion one way must cover to be one
@@ -202,7 +202,7 @@ def _acceleration(data: DataSet, axis: Axis) -> list[Limit]:
 
 def _swing(data: DataSet, axis: Axis) -> list[Limit]:
     """Slow means are compared: noise moves the axis, too, and faster than the reference."""
-    window = max(1, round(min(AVERAGED, period(data, axis) / 10.0) / data.dt))
+    window = max(1, round(min(AVERAGED, period(data, axis) / OF_A_PERIOD) / data.dt))
     ends = list(itertools.pairwise(data.ends))
     position, acceleration = (
         np.concatenate([ndimage.uniform_filter1d(data.joined(name)[a:b], window) for a, b in ends])

@@ -32,6 +32,7 @@ from tcs_friction.physics.axis import Axis
 
 SMOOTHED_BINS = 9  # frequencies averaged for one estimate of power: 18 degrees of freedom, a scatter of a third
 FEWEST_QUIET_BLOCKS = 8  # at a frequency, from which their mean correlation is known to about a third of its own scatter
+DETERMINED_BY = 10.0  # times the power of quiet motion that all motion must have for the recording to determine the inertia
 QUIET_MOTION = 10.0  # times the noise power; motion below it answers noise alone, driven motion is orders of magnitude above
 SPECTRAL_LINE = 16.0  # times the noise power; white noise exceeds it once in exp(16), so it is a line
 
@@ -42,10 +43,12 @@ class AttenuationBias:
 
     whole (m,): whitened squares for each unit by which the logarithm of the moving inertia is smaller. count: whitened numbers
     that each frequency stands for. allowed (m,): share of the noise that residuals are corrected for where bodies swing.
-    inertia: kg m^2, of the axis whose noise it is.
+    inertia: kg m^2, of the axis whose noise it is. determined: the inertia is, by motion that is driven; where it is not, noise
+    takes squares away and gives none.
     """
 
     inertia: float = 1.0
+    determined: bool = True
     frequency: np.ndarray = field(default_factory=lambda: np.zeros(0))
     whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
     count: float = 0.0
@@ -54,7 +57,7 @@ class AttenuationBias:
     def squares(self, axis: Axis) -> float:
         """Whitened squares by which noise makes the residual of an axis smaller; negative for a heavier axis."""
         heavier, whole = axis.inertia / self.inertia, float(np.sum(self.whole))
-        squares = max(-whole * math.log(heavier), -whole * (heavier - 1.0))
+        squares = max(-whole * math.log(heavier), -whole * (heavier - 1.0), -math.inf if self.determined else 0.0)
         if resonant_bodies(axis):
             gain = np.abs(motion_gain(axis, self.frequency)) ** 2
             common = np.minimum(self.whole, 2.0 * self.count)
@@ -78,6 +81,7 @@ class AttenuationBias:
 
 def attenuation_bias(
     axis: Axis,
+    driven: float,
     frequency: np.ndarray,
     residual: np.ndarray,
     inertial: np.ndarray,
@@ -86,8 +90,9 @@ def attenuation_bias(
 ) -> AttenuationBias:
     """The bias from spectra (blocks, m) of an axis' whitened residual and inertial torque at `frequency` (m,), Hz.
 
-    White noise has spectra of deviation one. count: whitened numbers that each frequency stands for. allowed (m,): share of the
-    noise that the residual corrects for bodies by itself. No bias is returned where no frequency is quiet for long enough.
+    White noise has spectra of deviation one. driven: all squares of the whitened inertial torque. count: whitened numbers that
+    each frequency stands for. allowed (m,): share of the noise that the residual corrects for bodies by itself. No bias is
+    returned where no frequency is quiet for long enough.
     """
     power = np.abs(inertial) ** 2
     slow = ndimage.uniform_filter1d(power, SMOOTHED_BINS, axis=1, mode="nearest") < QUIET_MOTION
@@ -95,7 +100,8 @@ def attenuation_bias(
     known = np.flatnonzero(np.sum(quiet, axis=0) >= FEWEST_QUIET_BLOCKS)
     if not len(known):
         return AttenuationBias()
+    determined = driven >= DETERMINED_BY * count * len(frequency) * float(np.mean(power, where=quiet))
     common = np.mean(-(np.conj(residual) * inertial).real[:, known], axis=0, where=quiet[:, known])
     common = ndimage.uniform_filter1d(common, SMOOTHED_BINS, mode="nearest")
     share = np.interp(frequency, np.append(0.0, frequency[known]), np.append(0.0, common))  # a loop has no error at rest
-    return AttenuationBias(axis.inertia, frequency, 2.0 * count * share, count, allowed)
+    return AttenuationBias(axis.inertia, determined, frequency, 2.0 * count * share, count, allowed)

@@ -167,7 +167,7 @@ def with_bias(balance: TorqueBalance, axis: Axis, noise: NoiseModel, residual: n
     frequency, spectra = _periodograms(noise.samples, white)
     inside = frequency < noise.samples.cutoff
     in_residual, in_motion = (x[:, inside] for x in spectra)
-    count = len(noise.samples.rows) / len(frequency)
+    driven, count = float(inertial @ inertial), len(noise.samples.rows) / len(frequency)
     frequency = frequency[inside]
     allowed = noise.encoder_share_at(frequency)
-    return replace(noise, bias=attenuation_bias(axis, frequency, in_residual, in_motion, count, allowed))
+    return replace(noise, bias=attenuation_bias(axis, driven, frequency, in_residual, in_motion, count, allowed))

@@ -57,7 +57,8 @@ class _Conclusion:
         every = found_effects(self.balance, self.explanation, believed)
         moved = {name: window_errors(data, axis) for name, axis in axes.items()}
         runs = {name: typical(windows) for name, windows in moved.items()}
-        established = tuple(one for one in every if one.established)
+        worse_in_all = self._effects_predict_worse()
+        established = tuple(one for one in every if one.established and not worse_in_all)
         worse = self._with_which_it_moves_worse(established, moved)
         found = tuple(one for one in established if one not in worse)
         described = tuple(one for one in every if one not in found)
@@ -100,6 +101,11 @@ class _Conclusion:
                 self.explanation.lacks,
             ),
         )
+
+    def _effects_predict_worse(self) -> bool:
+        """Whether the held-out residual is larger with all effects than without any, by more than a floor is known to."""
+        retuned, improved = (self._errors(self._residual(x.axis)) for x in (self.explanation.retuned, self.explanation.unmapped))
+        return improved.held_out > (1.0 + FLOOR_ERROR) * retuned.held_out
 
     def _with_which_it_moves_worse(self, found: Sequence[Found], moved: Mapping[str, np.ndarray]) -> tuple[Found, ...]:
         """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not."""
