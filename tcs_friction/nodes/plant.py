@@ -71,8 +71,8 @@ def defaults(file: AxisFile) -> PlantConfig:
 class Plant(ManagedNode[PlantConfig]):
     """Lock-step: advances one period when the command for its stamp has come. Real time: on a timer."""
 
-    def __init__(self, defaults: Callable[[AxisFile], PlantConfig] = defaults) -> None:
-        super().__init__("plant", defaults)
+    def __init__(self, implied: Callable[[AxisFile], PlantConfig] | None = None) -> None:
+        super().__init__("plant", implied or defaults)
         self._states = self.create_publisher(JointState, "joint_states", self.publish_profile)
         self._truths = self.create_publisher(FrictionEstimate, "true_friction", self.publish_profile)
         self._temperatures = self.create_publisher(Temperature, "temperature", self.publish_profile)

@@ -30,12 +30,12 @@ def test_the_truth_is_cancelled_and_the_guard_lets_no_spoilt_model_pass() -> Non
     rng = np.random.default_rng(0)
     world = draw_world(rng, ("cogging",), 6.0, 0.2)
     true = true_axis(world)
-    bench = Bench(true, world.believed.axis, 0.0)
+    bench = Bench(true, world.believed.axis, 0.0, world.recording)
     start = Choice(world.believed.axis, ())
     before = bench.tracking(start).rms
     assert bench.tracking(Choice(true, ("cogging",))).rms < 0.97 * before
     wrong = spoilt(true, rng)
-    assert set(wrong) == {"sign", "phase", "ghost"}
+    assert set(wrong) == {"sign", "phase", "ghost", "ghost of the encoder"}
     assert bench.tracking(Choice(wrong["sign"], ("cogging",))).rms > before
     for model in wrong.values():
         kept = bench.guarded(start, model, list(effect_names(model)))

@@ -31,7 +31,7 @@ def made(name: str, size: float) -> EngineWorld:
     true = replace(telescope, inertia=s.inertia, friction=instance(law("lugre"), s.friction), effects=())
     at_rest = Recording(np.arange(3.0), np.zeros(3), np.zeros(3))
     return EngineWorld(
-        name, at_rest, AxisFile(believe(s.rng, s, "lugre", None)), truth, true, _text(s.model), _text(plain.model)
+        name, at_rest, at_rest, AxisFile(believe(s.rng, s, "lugre", None)), truth, true, _text(s.model), _text(plain.model)
     )
 
 

@@ -105,6 +105,7 @@ def test_what_was_found_and_what_it_is_worth_is_told_everywhere(result: Commissi
     assert content["found"]["peak_positive"] == pytest.approx(0.03, rel=1e-3)
     first, second, third = content["effects"]
     assert first["gain"].pop("between") == [0.35, 0.45]
+    assert (first["gain"].pop("of"), first["gain"].pop("unit")) == ("tracking", "arcsec")
     assert first["gain"] == pytest.approx({"rms_without": 0.1, "rms_with": 0.04, "ratio": 0.4})
     assert (second["cancelled"], second["why_not"]) == (False, "tracking is not measurably better with it")
     assert third["gain"] is None
