@@ -8,7 +8,7 @@ import pty
 import threading
 from pathlib import Path
 
-from tcs_friction.nodes.graph import LOOP, node_names
+from tcs_friction.nodes.graph import LOOP, PLANTS, node_names
 
 LISTENERS = ("identifier", "diagnoser", "commission")
 """They hear the loop, and report what it says wrongly."""
@@ -19,7 +19,7 @@ PLAYED = "/azimuth/wind"
 def companions() -> tuple[str, ...]:
     """Every node that is not of the loop; the dynamometer where pyserial is installed."""
     missing = () if importlib.util.find_spec("serial") else ("dynamometer",)
-    return tuple(name for name in node_names() if name not in (*LOOP, *missing))
+    return tuple(name for name in node_names() if name not in (*LOOP, *PLANTS, *missing))
 
 
 class Surroundings:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faulty_companions import Surroundings
+from benchmarks.faulty_companions import Surroundings, companions
 from benchmarks.faulty_nodes import GARBLED_COUNT, Loop, beyond_doubt, garbled
 from benchmarks.faulty_watch import REFUSED, Watch
 from benchmarks.listening import Report, wait_until
-from tcs_friction.nodes.graph import node_names
+from tcs_friction.nodes.graph import LOOP
 from tcs_friction.nodes.wire import JointWire
 
 
@@ -40,7 +40,7 @@ def test_the_loop_keeps_its_limits_and_resumes_after_faults() -> None:
     assert len(limited) == 3
     for entry in limited:
         assert 0.0 < entry["value"] <= entry["beside"] * (1.0 + 1e-6)
-    assert {f"killed or stopped: {name}" for name in node_names()} <= set(results)
+    assert {f"killed or stopped: {name}" for name in (*LOOP, *companions())} <= set(results)
     refused = [entry for name, entry in results.items() if name.startswith("inputs refused by")]
     assert len(refused) == 5
     assert sum(entry["value"] for entry in refused) >= sum(entry["beside"] for entry in refused) > 0
