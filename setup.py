@@ -17,6 +17,7 @@ NODES = (
     "player",
     "recorder",
     "reference",
+    "ros2_control_driver",
 )
 
 

@@ -16,10 +16,12 @@ from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque
 
 from tcs_friction.config import AxisFile
+from tcs_friction.control.plausible import ranges
 from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME, control_of, derived
+from tcs_friction.nodes.convert import SECOND
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
 from tcs_friction.nodes.gate import say, torque_limits
 from tcs_friction.nodes.health import Level
@@ -43,7 +45,8 @@ def driver_defaults(kind: type[D]) -> Callable[[AxisFile], D]:
     """What gives a driver's settings as an axis file implies them."""
 
     def defaults(file: AxisFile) -> D:
-        return derived(kind, control_of(file).loop, torque_limits(file), clock=REAL_TIME)
+        control = control_of(file)
+        return derived(kind, control.loop, ranges(file.axis, control.controller), torque_limits(file), clock=REAL_TIME)
 
     return defaults
 
@@ -84,8 +87,12 @@ class DriverNode(ManagedNode[D]):
     def configure(self, config: D) -> None:
         super().configure(config)
         self._recent.configure(config.age_limit)
-        self._gate.configure(config, config.ramp_time)
+        self._gate.configure(self.limits(config), config.ramp_time)
         self._wire = JointWire(self.file.axis.name)
+
+    def limits(self, config: D) -> TorqueLimits:
+        """What holds of the configured limits. For subclasses that know narrower ones."""
+        return config
 
     def state_changed(self) -> None:
         """A command from before the activation counts no more, and a fault is forgotten by activating the node again."""
@@ -99,7 +106,8 @@ class DriverNode(ManagedNode[D]):
         if not (math.isfinite(measured.position) and math.isfinite(measured.speed)):
             self.health.refuse(f"position {measured.position:g}, speed {measured.speed:g} of the drive")
             return
-        self._measured, self._measured_at = measured, time.monotonic()
+        age = (self.get_clock().now().nanoseconds - measured.stamp) / SECOND
+        self._measured, self._measured_at = measured, time.monotonic() - max(age, 0.0)
         self._recent.add(measured.stamp)
         self.health.ticks += 1
         self._states.publish(self._wire.write(*measured))
