@@ -34,7 +34,7 @@ CLASSES = {
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
-DRIVERS: dict[str, str] = {}
+DRIVERS = {"canopen_drive": "CanopenDrive"}
 """Nodes for real drives, in the folder `drivers`."""
 PLANTS = {"mujoco_plant": "MujocoPlant", **DRIVERS}
 """Nodes that take the place, and the name, of the plant."""
