@@ -110,7 +110,7 @@ class SimulatedDrive:
         with self._lock:
             if self.state not in (State.FAULT, State.REACTION):
                 self._error = code
-                self._become(State.REACTION if self.state is State.ENABLED else State.FAULT)
+                self._become(State.REACTION if self.state in (State.ENABLED, State.QUICK_STOP) else State.FAULT)
                 self.emergency(code)
 
     def close(self) -> None:
@@ -125,9 +125,9 @@ class SimulatedDrive:
         self.node.set_data(index, 0, self.node.object_dictionary[index].encode_raw(value))
 
     def _value(self, index: int, sub: int = 0) -> int:
-        variable = self.node.object_dictionary[index]
+        variable = self.node.object_dictionary.get_variable(index, sub)
         try:
-            return int((variable[sub] if sub else variable).decode_raw(self.node.data_store[index][sub]))
+            return int(variable.decode_raw(self.node.data_store[index][sub]))
         except KeyError:
             return 0
 

@@ -32,7 +32,7 @@ except ModuleNotFoundError:  # of the optional set canopen
     can = canopen = None
 
 SYNC, NMT_OPERATIONAL = 0x080, 5
-RETRY = 1.0  # s between two attempts to reach a drive
+RETRY = 0.5  # s between two attempts to reach a drive
 UNANSWERED = 0.1  # s without an answer to SYNC until it is said
 FIRST, SECOND_PART, COMMAND = struct.Struct("<HiB"), struct.Struct("<ihH"), struct.Struct("<Hh")
 """The PDOs, as `canopen_setup` maps them."""

@@ -93,7 +93,7 @@ def _rated(objects: Objects, settings: DriveSettings) -> float:
 def _choose_mode(objects: Objects, settings: DriveSettings) -> None:
     if objects.has(od.MODES) and not objects.read(od.MODES) >> (CYCLIC_SYNCHRONOUS_TORQUE - 1) & 1:
         found = f"has no cyclic synchronous torque mode (0x6502 is 0x{objects.read(od.MODES):X})"
-        raise JobError(f"node {settings.node_id}", found, "a drive that has mode 10")
+        raise JobError(f"node {settings.node_id}", found, "a drive that has it")
     objects.write(od.MODE, CYCLIC_SYNCHRONOUS_TORQUE)
 
 
