@@ -34,9 +34,7 @@ CLASSES = {
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
-DRIVERS: dict[str, str] = {
-    "ros2_control_driver": "Ros2ControlDriver",
-}
+DRIVERS = {"canopen_drive": "CanopenDrive", "ros2_control_driver": "Ros2ControlDriver"}
 """Nodes for real drives, in the folder `drivers`."""
 PLANTS = {"mujoco_plant": "MujocoPlant", **DRIVERS}
 """Nodes that take the place, and the name, of the plant."""

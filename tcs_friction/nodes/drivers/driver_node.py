@@ -141,20 +141,23 @@ class DriverNode(ManagedNode[D]):
         doubt = hardware.fault or (f"two publishers of {COMMAND}" if self.rivals.topics else "")
         motion = (measured.position, measured.speed, self._measured_at)
         verdict = self._gate.at(Situation(now, *motion, self.active, doubt, not hardware.waits), elapsed)
-        self._say(verdict.doubt, hardware)
+        self._say_drive()
         say(verdict, self.health)
         if verdict.doubt and not self._gate.share:
             hardware.stop(verdict.doubt)
         else:
             hardware.apply(verdict.torque)
 
-    def _say(self, doubt: str, hardware: Hardware) -> None:
+    def _say_drive(self) -> None:
         """What the drive is at, in the next report."""
+        hardware = self.hardware
         if hardware.fault:
             self.health.fail("drive", f"{hardware.fault}; activate the node again when that is mended")
+        elif hardware.waits:
+            self.health.doubt("drive", f"drive: {hardware.waits}")
         else:
             self.health.well("drive")
-        self.health.values["drive"] = hardware.fault or (hardware.waits if not doubt else "") or ("off" if doubt else "on")
+        self.health.values["drive"] = hardware.fault or hardware.waits or "on"
 
     def destroy_node(self) -> None:
         """The drive first: nobody watches it afterwards."""

@@ -152,10 +152,6 @@ class RobotJoint(Hardware):
         if obstacle and self._command is not None:
             self.fault = self.fault or obstacle
         self.waits = "" if self.fault else obstacle
-        if self.waits:
-            self._node.health.doubt("robot", f"no torque: {self.waits}")
-        else:
-            self._node.health.well("robot")
         self._node.health.values["controller"] = f"{self._topic}: {', '.join(self._watch.joints) or 'joints not known'}"
 
     def _obstacle(self, now: float) -> str:
