@@ -115,14 +115,17 @@ class OtherCommands:
         """A command of our own."""
         self._sent.append(data)
 
-    def objection(self, now: float) -> str:
-        """Who else commands, "" for nobody."""
+    def look(self) -> None:
+        """From time to time: listen while there are others."""
         others = self._node.count_publishers(self._topic) > 1
         if others and self._subscription is None:
             self._subscription = self._node.create_subscription(Float64MultiArray, self._topic, self._hear, LISTEN, raw=True)
         elif not others and self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
+
+    def objection(self, now: float) -> str:
+        """That somebody else commands, "" when nobody does."""
         if now - self._heard_at >= REMEMBERED:
             return ""
         return f"somebody else commands {self._topic}: ros2 topic info --verbose {self._topic}"

@@ -1,7 +1,8 @@
 """A joint of a robot under ros2_control as hardware of a driver: /joint_states in, commands to an effort controller out.
 
-A forward command controller keeps its last command for ever. So nothing is sent before everything is known, zero is sent several
-times when the torque is to end, and afterwards nothing more, so that somebody else may command the robot.
+A forward command controller keeps its last command for ever, and the hardware keeps it while the controller is off. So nothing is
+sent before everything is known, and from the first torque on there is a command in every period, zero where there is to be no
+torque, until the node is deactivated, or ends, or somebody else commands.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
-from tcs_friction.nodes.base import AxisNode
 from tcs_friction.nodes.drivers.controller_watch import ControllerWatch, OtherCommands
 from tcs_friction.nodes.drivers.effort_commands import EffortCommand, Others, objection
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
 from tcs_friction.nodes.joint_input import JointInput
+from tcs_friction.nodes.managed import ManagedNode
 from tcs_friction.nodes.qos import LISTEN, NEWEST
 from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.nodes.wire import message_of
@@ -34,9 +35,10 @@ INTERVALS = 50
 PERIOD_SHARE = 0.1
 """By how much the robot's period may differ from parameter `period`."""
 REPEATED = 1.0
-"""s for which zero is sent again and again."""
+"""s for which zero is sent after the node has been deactivated."""
 LAST_WORDS = 0.2
 """s in which the controller must have confirmed the last command."""
+NOT_LOOKED = "the robot's controller is being looked at"
 CONTRADICTED = 1.0
 """s for which a second publisher of joint states that contradicts the first counts."""
 
@@ -44,7 +46,7 @@ CONTRADICTED = 1.0
 class RobotJoint(Hardware):
     """One joint of several. What is in the way of torque is one line: `waits` before it has begun, `fault` thereafter."""
 
-    def __init__(self, node: AxisNode[Any], joint: str, controller: str, manager: str, others: Others) -> None:
+    def __init__(self, node: ManagedNode[Any], joint: str, controller: str, manager: str, others: Others) -> None:
         self._node, self._joint, self._others = node, joint, others
         self._controller, self._manager = controller, manager
         self._topic = f"{controller}/commands"
@@ -53,7 +55,8 @@ class RobotJoint(Hardware):
         self._efforts: dict[str, float] = {}
         self._command: EffortCommand | None = None
         self._sent, self._stopped_at = 0.0, -math.inf
-        self.waits = f"no {STATES} yet"
+        self._joints: tuple[str, ...] = ()
+        self.waits = NOT_LOOKED
         self.needed = ""
         """What else is in the way, said from outside."""
 
@@ -72,8 +75,7 @@ class RobotJoint(Hardware):
 
     def apply(self, torque: float) -> None:
         if self._command is None and not self.waits:
-            self._command = EffortCommand(self._watch.joints, self._joint, self._kept())
-            self._look()
+            self._command = EffortCommand(self._joints, self._joint, self._kept())
         self._stopped_at = math.inf
         self._send(torque)
 
@@ -81,14 +83,15 @@ class RobotJoint(Hardware):
         now = time.monotonic()
         self._stopped_at = min(self._stopped_at, now)
         self._send(0.0)
-        if now - self._stopped_at > REPEATED:
+        over = not self._node.active and now - self._stopped_at > REPEATED
+        if over or self._rivals.objection(now) or self._changed():
             self._command = None
 
     def tick(self) -> None:
         pass
 
     def reset(self) -> None:
-        self.fault = ""
+        self.fault, self.waits = "", NOT_LOOKED
         self._command = None
         self._efforts.clear()
 
@@ -103,7 +106,7 @@ class RobotJoint(Hardware):
         self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def _send(self, torque: float) -> None:
-        if self._command is not None:
+        if self._command is not None and not self._changed():
             self._sent = torque
             data = self._command.write(torque)
             self._rivals.sent(data)
@@ -148,10 +151,13 @@ class RobotJoint(Hardware):
     # What is in the way
 
     def _look(self) -> None:
+        self._rivals.look()
         obstacle = self._obstacle(time.monotonic())
         if obstacle and self._command is not None:
             self.fault = self.fault or obstacle
         self.waits = "" if self.fault else obstacle
+        if self._command is None:
+            self._joints = self._watch.joints
         self._node.health.values["controller"] = f"{self._topic}: {', '.join(self._watch.joints) or 'joints not known'}"
 
     def _obstacle(self, now: float) -> str:
@@ -179,10 +185,7 @@ class RobotJoint(Hardware):
         missing = [name for name, effort in self._others.items() if effort is None and name not in self._efforts]
         return f"{STATES} without an effort of {', '.join(missing)}, which others wants measured" if missing else ""
 
-    _joints: tuple[str, ...] = ()
-
     def _changed(self) -> str:
-        """A command that has been laid out for other joints than the controller has now."""
-        if self._command is None:
-            self._joints = self._watch.joints
-        return "" if self._joints == self._watch.joints else f"{self._controller} has other joints than before"
+        """That the command is laid out for other joints than the controller has now, "" when it is not."""
+        same = self._command is None or self._joints == self._watch.joints
+        return "" if same else f"{self._controller} has other joints than before"
