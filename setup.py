@@ -5,6 +5,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NODES = (
+    "canopen_drive",
     "commission",
     "controller",
     "diagnoser",
@@ -17,6 +18,7 @@ NODES = (
     "player",
     "recorder",
     "reference",
+    "ros2_control_driver",
 )
 
 
@@ -44,6 +46,7 @@ setup(
     install_requires=["setuptools"],
     extras_require={
         "test": ["pytest"],  # colcon test runs nothing without it
+        "canopen": ["canopen", "python-can"],
         "hardware": ["pyserial"],
         "mujoco": ["mujoco"],
         "bench": ["cma", "mujoco", "pymoo", "pysindy"],

@@ -59,14 +59,14 @@ class Setting:
         return None
 
 
-def setting(default: float, unit: str, lower: float, upper: float, description: str) -> Any:
+def setting(default: float, unit: str, lower: float, upper: float, description: str, fixed: bool = False) -> Any:
     """A number (or a bool) with its unit and inclusive range; an int default makes a whole number.
 
     The default must lie in the range: a wrong declaration raises ValueError where the class is written.
     """
     if not (lower <= default <= upper) or not math.isfinite(default):
         raise ValueError(f"default {default!r} of a setting is outside its range {lower!r} to {upper!r}")
-    return field(default=default, metadata={_KEY: (unit, lower, upper, description, ())})
+    return field(default=default, metadata={_KEY: (unit, lower, upper, description, (), fixed)})
 
 
 def switch(default: bool, description: str, fixed: bool = False) -> Any:

@@ -116,15 +116,20 @@ class AxisNode(Node, Generic[C]):
 
     _driver: DriverWatch | None = None
 
-    def hear_driver(self, callback: Callable[[bytes], None], profile: QoSProfile) -> None:
-        """Subscribe to joint_states, serialised, in whatever quality a driver publishes them."""
+    _joint_heard = ""
+
+    def hear_driver(
+        self, callback: Callable[[bytes], None], profile: QoSProfile, topic: str = TOPIC, joint: str = ""
+    ) -> None:
+        """Subscribe to joint states, serialised, in whatever quality a driver publishes them. `joint`: none is the axis."""
 
         def hear(data: bytes) -> None:
             callback(data)
             if self._report_is_due:
                 self._report()
 
-        self._driver = DriverWatch(self, hear, profile, self.file.axis.name)
+        self._joint_heard = joint
+        self._driver = DriverWatch(self, hear, profile, joint or self.file.axis.name, topic)
 
     # Parameters
 
@@ -262,7 +267,7 @@ class AxisNode(Node, Generic[C]):
         """Say what the driver's messages lack: once in the log what is made up for, as a warning what makes them useless."""
         if self._driver is None:
             return
-        found = self._driver.judge(self.file.axis.name)
+        found = self._driver.judge(self._joint_heard or self.file.axis.name)
         if found.useless:
             self.health.doubt("driver", found.useless)
         else:

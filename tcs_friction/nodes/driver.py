@@ -58,14 +58,16 @@ def _given(values: Sequence[float], at: int) -> bool:
 class DriverWatch:
     """A subscription to joint states as a driver may publish them, and what there is to say about them."""
 
-    def __init__(self, node: Node, callback: Callable[[bytes], None], profile: QoSProfile, joint: str) -> None:
-        self._node, self._callback = node, callback
+    def __init__(
+        self, node: Node, callback: Callable[[bytes], None], profile: QoSProfile, joint: str, topic: str = TOPIC
+    ) -> None:
+        self._node, self._callback, self._topic = node, callback, topic
         self._newest = self._own = b""
         self._name = _in_message(joint)
         self._best_effort = False
         events = SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible)
         self._subscription: Any = node.create_subscription(
-            JointState, TOPIC, self._hear, profile, event_callbacks=events, raw=True
+            JointState, topic, self._hear, profile, event_callbacks=events, raw=True
         )
 
     def _hear(self, data: bytes) -> None:
@@ -81,7 +83,7 @@ class DriverWatch:
         self._best_effort = True
         profile = QoSProfile(depth=LISTEN.depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._node.destroy_subscription(self._subscription)
-        self._subscription = self._node.create_subscription(JointState, TOPIC, self._hear, profile, raw=True)
+        self._subscription = self._node.create_subscription(JointState, self._topic, self._hear, profile, raw=True)
 
     def judge(self, joint: str) -> Judgement:
         """About the newest message of the joint since the last question; where there is none, about the newest of all.

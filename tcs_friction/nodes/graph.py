@@ -34,7 +34,9 @@ CLASSES = {
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
-PLANTS = {"mujoco_plant": "MujocoPlant"}
+DRIVERS = {"canopen_drive": "CanopenDrive", "ros2_control_driver": "Ros2ControlDriver"}
+"""Nodes for real drives, in the folder `drivers`."""
+PLANTS = {"mujoco_plant": "MujocoPlant", **DRIVERS}
 """Nodes that take the place, and the name, of the plant."""
 LOOP = ("plant", "controller", "reference", "dob", "lugre_compensator")
 """On one executor the node made first hears first: in real time the controller answers a state before others work on it."""
@@ -49,9 +51,14 @@ def node_names() -> tuple[str, ...]:
     return (*GRAPH, *OTHERS)
 
 
+def module_of(name: str) -> str:
+    """The module in which a node is."""
+    return f"tcs_friction.nodes.{'drivers.' if name in DRIVERS else ''}{name}"
+
+
 def factory(name: str) -> Callable[[], Node]:
     """The class of a node of the graph; its module is imported now."""
-    module = importlib.import_module(f"tcs_friction.nodes.{name}")
+    module = importlib.import_module(module_of(name))
     made: Callable[[], Node] = getattr(module, (CLASSES | PLANTS)[name])
     return made
 
@@ -60,7 +67,7 @@ def run_node(name: str, ros_arguments: Sequence[str] = ()) -> int:
     """Run one node until a signal; returns the exit status."""
     if name not in node_names():
         raise InputError(f"node {name!r}", "no such node", nearest(name, list(node_names())))
-    main = importlib.import_module(f"tcs_friction.nodes.{name}").main
+    main = importlib.import_module(module_of(name)).main
     return int(main([name, *ros_arguments]) or 0)
 
 
@@ -98,7 +105,7 @@ def start_processes(
     for every node. This process must not have initialised ROS before.
     """
     for name in names:
-        importlib.import_module(f"tcs_friction.nodes.{name}")
+        importlib.import_module(module_of(name))
     effects()
     context = multiprocessing.get_context("fork")
     processes: dict[str, BaseProcess] = {}

@@ -105,7 +105,7 @@ def refuse_unknown(node: Node) -> None:
 def of_another_node(name: str) -> bool:
     """Whether some node of the package has this parameter. Nodes are imported one after the other until one has."""
     graph = importlib.import_module("tcs_friction.nodes.graph")
-    modules = (importlib.import_module(f"tcs_friction.nodes.{node}") for node in graph.node_names())
+    modules = (importlib.import_module(graph.module_of(node)) for node in graph.node_names())
     return any(name in _names(kind) for module in modules for kind in _configurations(module))
 
 

@@ -20,12 +20,13 @@ from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import setting, switch, texts
-from tcs_friction.control.fading import Ramp
 from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.control.stamps import AnswerRule, RecentStates
+from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
 from tcs_friction.nodes.base import control_of, derived
 from tcs_friction.nodes.convert import SECOND, set_stamp
 from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.gate import say, torque_limits
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.qos import LISTEN
@@ -37,22 +38,17 @@ from tcs_friction.physics.simulate import Simulator
 
 COMMAND = "torque_command"
 REPEAT_AFTER = 0.25  # s of steady time without a command
-OVERSPEED_SHARE = 0.9
-"""Share of the controller's speed limit; above what a reference asks for, and full torque takes a moment to the rest."""
 CATCH_UP = 2.0  # s of simulated time that are caught up at once
 TEMPERATURE_EVERY = 1.0  # s
 
 
 @dataclass(frozen=True)
-class PlantConfig(ManagedConfig):
+class PlantConfig(TorqueLimits, ManagedConfig):
     """Settings of the simulated axis. A new seed, position, period or axis starts it anew at time 0."""
 
     seed: int = setting(0, "", 0, 2**31 - 1, "seed of torque and encoder noise")
     start_position: float = setting(0.0, "rad", -1e6, 1e6, "position at time 0, at rest")
     temperature: float = setting(20.0, "degC", -100.0, 300.0, "temperature of the bearing")
-    torque_limit: float = setting(1e3, "N m", 0.0, 1e12, "commands beyond this are refused")
-    watchdog: float = setting(0.1, "s", 1e-3, 60.0, "real time: no torque when commands stop for longer")
-    overspeed: float = setting(1.0, "rad/s", 1e-9, 1e9, "real time: no torque in the direction of a motion faster than this")
     run_until: float = setting(1e9, "s", 0.0, 1e9, "lock-step: simulated time at which the axis waits")
     truth: bool = switch(False, "publish the true friction on true_friction")
     dynamometer: float = setting(0.0, "1/s", 0.0, 1e4, "readings of a simulated dynamometer; 0: none is mounted")
@@ -62,10 +58,7 @@ class PlantConfig(ManagedConfig):
 
 def defaults(file: AxisFile) -> PlantConfig:
     """The settings that an axis file implies."""
-    control = control_of(file)
-    pid = control.controller
-    limits = {"torque_limit": pid.torque_limit, "overspeed": OVERSPEED_SHARE * pid.velocity_limit}
-    return derived(PlantConfig, control.loop, **limits)
+    return derived(PlantConfig, control_of(file).loop, torque_limits(file))
 
 
 class Plant(ManagedNode[PlantConfig]):
@@ -78,11 +71,10 @@ class Plant(ManagedNode[PlantConfig]):
         self._temperatures = self.create_publisher(Temperature, "temperature", self.publish_profile)
         self._wrenches = self.create_publisher(WrenchStamped, "dynamometer", self.publish_profile)
         self._timer = None
-        self._command: float | None = None
-        self._commanded = -math.inf  # steady time of the last good command
+        self._command: float | None = None  # lock-step: of the stamp
         self._recent = RecentStates(self.config.age_limit)
         self._answers = AnswerRule(self._recent)
-        self._ramp = Ramp(self.config.ramp_time)
+        self._gate = TorqueGate(self.config, self.config.ramp_time)
         if not self.lock_step:
             self.health.expect(COMMAND, Level.WARN)
         self._surroundings = Surroundings(self, self.health, self.config.beside, self._join, self._go_on)
@@ -102,7 +94,7 @@ class Plant(ManagedNode[PlantConfig]):
     def configure(self, config: PlantConfig) -> None:
         super().configure(config)
         self._recent.configure(config.age_limit)
-        self._ramp.duration = config.ramp_time
+        self._gate.configure(config, config.ramp_time)
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
         self._reading_ticks = max(1, round(1.0 / (config.dynamometer * config.period))) if config.dynamometer else 0
@@ -162,7 +154,7 @@ class Plant(ManagedNode[PlantConfig]):
         self._refusal = ""
         self._began = time.monotonic()
         self._origin = 0 if self.lock_step else self.get_clock().now().nanoseconds
-        self._ramp.value = 0.0
+        self._gate.restart()
         self._publish(self._origin)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -174,26 +166,25 @@ class Plant(ManagedNode[PlantConfig]):
     def state_changed(self) -> None:
         if self.active:
             self._command = None
+            self._gate.forget()
 
     def _on_command(self, data: bytes) -> None:
         stamp, numbers = TORQUE.read(data)
-        if not (self.active or self._ramp.value) or (self.lock_step and stamp != self._stamp):
+        if not (self.active or self._gate.share) or (self.lock_step and stamp != self._stamp):
             return  # in lock-step, an answer to a repeated state that had been answered already
-        torque, limit = numbers[0], self.config.torque_limit
-        objection = "" if -limit <= torque <= limit else f"{torque:g} N m was refused, the limit is {limit:g}"
-        if not (self.lock_step or objection):
-            objection = self._answers.objection(stamp, numbers, time.monotonic())
+        torque, now = numbers[0], time.monotonic()
+        objection = self._gate.objection(torque) or ("" if self.lock_step else self._answers.objection(stamp, numbers, now))
         if objection:
             self._refusal = f" ({objection})"
             self.health.refuse(f"{COMMAND}{self._refusal}")
             return
         self._refusal = ""
-        self._command = torque
         if self.lock_step:
+            self._command = torque
             self._go_on()
         else:
-            self._commanded = time.monotonic()
-            self.health.heard(COMMAND, self._commanded)
+            self._gate.command(torque, now)
+            self.health.heard(COMMAND, now)
 
     def _go_on(self) -> None:
         """Lock-step: advance unless the end of the run is reached, or an axis beside has not come as far."""
@@ -208,7 +199,7 @@ class Plant(ManagedNode[PlantConfig]):
     def _on_timer(self) -> None:
         """Real time: all the periods that are over, under the torque that acted in each of them."""
         now, period = time.monotonic(), self.config.period
-        if not (self.configured or self._ramp.value):
+        if not (self.configured or self._gate.share):
             self._began = now - self._index * period
             return
         due = math.floor((now - self._began) / period)
@@ -228,26 +219,12 @@ class Plant(ManagedNode[PlantConfig]):
         self._publish_state(self._stamp)
 
     def _torque_at(self, moment: float) -> float:
-        """What acts in the period that begins at a steady time. Torque comes back over `ramp_time` from wherever it was cut."""
-        reason = self._why_none(moment)
-        if reason:
-            self._ramp.value = 0.0
-            self.health.doubt("holding", f"holding zero torque: {reason}")
-            return 0.0
-        self.health.well("holding")
-        torque = self._ramp.toward(self.active, self.config.period) * (self._command or 0.0)
-        speed = self._simulator.measured_velocity
-        if abs(speed) > self.config.overspeed and torque * speed > 0.0:
-            self.health.note(f"faster than {self.config.overspeed:g} rad/s: no torque that way")
-            return 0.0
-        return torque
-
-    def _why_none(self, moment: float) -> str:
-        if not (self.active or self._ramp.value):
-            return "not active"
-        if self._command is None or moment - self._commanded > self.config.watchdog:
-            return f"no {COMMAND} for {self.config.watchdog:g} s"
-        return f"two publishers of {COMMAND}" if self.rivals.topics else ""
+        """What acts in the period that begins at a steady time."""
+        simulator, rivals = self._simulator, f"two publishers of {COMMAND}" if self.rivals.topics else ""
+        motion = (simulator.measured_position, simulator.measured_velocity, moment)
+        verdict = self._gate.at(Situation(moment, *motion, self.active, rivals), self.config.period)
+        say(verdict, self.health)
+        return verdict.torque
 
     def _advance(self, torque: float) -> None:
         around = self._surroundings.at(self._stamp) if self.lock_step else self._surroundings.now(self.config.age_limit)

@@ -23,4 +23,6 @@ PUBLISH_IN_REAL_TIME = _profile(100)
 LISTEN = _profile(10)
 COLLECT = _profile(10_000)
 """For nodes that need every message and may have to wait for the processor: identifier, diagnoser, commission."""
+NEWEST = _profile(1)
+"""For a command that the next one replaces: one that has not been delivered by then is of no use."""
 LATCHED = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL)

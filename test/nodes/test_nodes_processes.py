@@ -12,7 +12,7 @@ import pytest
 from conftest import wait_until
 from test_nodes_lockstep import offline
 
-from tcs_friction.nodes.graph import LOOP, node_names
+from tcs_friction.nodes.graph import LOOP, module_of, node_names
 
 ERROR = 2
 ARGUMENTS = ("-p", "axis:=azimuth_1p2m.yaml", "-p", "reference_file:=azimuth_1p2m_run.yaml", "-p", "time_limit:=1.0")
@@ -29,7 +29,7 @@ def start(processes: Any, *arguments: str, names: tuple[str, ...] = LOOP) -> Non
 @pytest.mark.parametrize("name", node_names())
 def test_every_node_takes_arguments(name: str) -> None:
     """As `ros2 run` calls it, without, and as `./tcs node` does, with."""
-    signature = inspect.signature(importlib.import_module(f"tcs_friction.nodes.{name}").main)
+    signature = inspect.signature(importlib.import_module(module_of(name)).main)
     signature.bind()
     signature.bind([name, "--ros-args"])
 

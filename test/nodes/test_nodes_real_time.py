@@ -40,7 +40,7 @@ LOOP = ("plant", "reference", "lugre_compensator", "dob", "controller")
 
 def running(graph: Any) -> Any:
     """The graph once the reference rests where the axis is and the torque has come."""
-    assert graph.until(lambda: graph["controller"]._ramp.value == 1.0 and graph["plant"]._ramp.value == 1.0, 20.0), (
+    assert graph.until(lambda: graph["controller"]._ramp.value == 1.0 and graph["plant"]._gate.share == 1.0, 20.0), (
         graph["controller"].health.problem
     )
     return graph
@@ -291,7 +291,7 @@ def test_two_controllers_are_named_and_the_axis_holds_zero_torque(together: Call
     assert plant.rivals.topics == {"torque_command"}
     assert "/azimuth/driver" in plant.health.problem
     graph.for_seconds(0.1)
-    assert plant._ramp.value == 0.0
+    assert plant._gate.share == 0.0
     applied = []
     end = time.monotonic() + 0.5
     while time.monotonic() < end:
@@ -300,7 +300,7 @@ def test_two_controllers_are_named_and_the_axis_holds_zero_torque(together: Call
     assert not any(applied)
     graph.driver.destroy_timer(rival)
     assert graph.until(lambda: not plant.rivals.topics, 20.0)
-    assert graph.until(lambda: plant._ramp.value == 1.0, 20.0)
+    assert graph.until(lambda: plant._gate.share == 1.0, 20.0)
 
 
 def test_two_plants_are_named_and_the_controller_commands_zero_torque(together: Callable[..., Any]) -> None:
@@ -338,7 +338,7 @@ def test_a_silent_second_controller_is_a_rival_once_it_cannot_be_a_dead_one(
     assert graph.until(lambda: "2 publishers of torque_command, expected one: /azimuth/controller" in plant.health.problem, 5.0)
     assert graph.until(lambda: "two publishers of torque_command" in plant.health.warning, 2.0)
     graph.driver.destroy_publisher(second)
-    assert graph.until(lambda: plant._ramp.value == 1.0, 20.0)
+    assert graph.until(lambda: plant._gate.share == 1.0, 20.0)
 
 
 class Steady:
@@ -471,7 +471,7 @@ def test_torque_only_while_active(together: Callable[..., Any]) -> None:
     graph.for_seconds(0.7)
     assert plant._torque_at(time.monotonic()) == 0.0
     assert change("plant", Transition.TRANSITION_ACTIVATE)
-    assert graph.until(lambda: plant._ramp.value == 1.0, 10.0)
+    assert graph.until(lambda: plant._gate.share == 1.0, 10.0)
 
 
 def test_lock_step_waits_for_a_plant_that_is_activated_later(together: Callable[..., Any]) -> None:

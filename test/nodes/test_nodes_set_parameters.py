@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 
 from tcs_friction.control.config_field import Setting
 from tcs_friction.nodes import parameters
-from tcs_friction.nodes.graph import CLASSES, GRAPH, OTHERS, PLANTS
+from tcs_friction.nodes.graph import CLASSES, GRAPH, OTHERS, PLANTS, module_of
 from tcs_friction.nodes.plain_node import PlainNode
 
 REMEMBERED = {
@@ -65,7 +65,7 @@ def another(entry: Setting, value: Any) -> Any:
 
 def made(monkeypatch: pytest.MonkeyPatch, name: str, given: Mapping[str, Any]) -> Any:
     """A node of the graph that is given these values at the start."""
-    module = importlib.import_module(f"tcs_friction.nodes.{name}")
+    module = importlib.import_module(module_of(name))
     with monkeypatch.context() as patch:
         usual = module.defaults
         patch.setattr(module, "defaults", lambda file: parameters.changed(usual(file), given))
@@ -114,7 +114,7 @@ def test_a_parameter_acts_or_is_refused(monkeypatch: pytest.MonkeyPatch, name: s
 @pytest.mark.usefixtures("ros")
 @pytest.mark.parametrize("name", [name for name in OTHERS if name not in PLANTS])
 def test_what_a_node_uses_from_the_start_on_cannot_be_set(name: str) -> None:
-    module = importlib.import_module(f"tcs_friction.nodes.{name}")
+    module = importlib.import_module(module_of(name))
     (kind,) = [entry for key, entry in vars(module).items() if key.lower() == f"{name}config"]
     node: PlainNode[Any] = PlainNode(f"{name}_test", kind())
     for entry, (declared, value) in parameters.flatten(node.config).items():

@@ -1,0 +1,254 @@
+"""The driver for ros2_control beside a stand-in for a robot: what it passes on, what takes the torque away, and its ends.
+
+The robot is always a process of its own. Faults are its parameters; what acts on its joints is on /robot/applied.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import ROOT, wait_until
+
+from benchmarks.listening import Listening
+from tcs_friction.errors import InputError
+
+PERIOD = 0.005
+ARGUMENTS = [
+    word
+    for name, value in {
+        "clock": "real_time", "period": PERIOD, "watchdog": 0.3, "age_limit": 0.3, "state_limit": 0.3,
+        "ramp_time": 0.2, "stop_time": 0.2, "others": "['elbow=7']",
+    }.items()
+    for word in ("-p", f"{name}:={value}")
+]  # fmt: skip
+SWITCH = "effort_controller is inactive: ros2 control switch_controllers --activate effort_controller"
+
+
+class Robot:
+    """The stand-in, its faults, and a controller that answers every state of the driver with a torque."""
+
+    def __init__(self, node: Any, until: Callable[..., bool], torque: float, *arguments: str) -> None:
+        from rcl_interfaces.srv import SetParameters
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import Float64MultiArray
+        from tcs_friction_msgs.msg import AxisTorque
+
+        from tcs_friction.nodes.qos import LISTEN, PUBLISH
+        from tcs_friction.nodes.wire import TORQUE, JointWire
+
+        self.torque: float | None = torque
+        self.applied: list[list[float]] = [[0.0] * 3]
+        self.states: list[tuple[float, ...]] = []
+        self.stamps: set[int] = set()
+        self._until, self._request = until, SetParameters.Request
+        self._robot_wire, self._wire, self._command = JointWire("azimuth"), JointWire("azimuth"), TORQUE
+        self._commands = node.create_publisher(AxisTorque, "torque_command", PUBLISH)
+        node.create_subscription(JointState, "joint_states", self._on_state, LISTEN, raw=True)
+        node.create_subscription(JointState, "/joint_states", self._on_robot, LISTEN, raw=True)
+        node.create_subscription(Float64MultiArray, "/robot/applied", lambda m: self.applied.append(list(m.data)), 100)
+        self._client = node.create_client(SetParameters, "/robot/set_parameters")
+        env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
+        command = [sys.executable, str(Path(__file__).with_name("ros2_control_robot.py")), "--ros-args", *arguments]
+        self._process = subprocess.Popen(command, env=env)
+
+    @property
+    def now(self) -> list[float]:
+        """Effort on elbow, azimuth and wrist."""
+        return self.applied[-1]
+
+    def acts(self, torque: float) -> bool:
+        """Whether this acts on the axis, and on the others what they are to keep."""
+        elbow, axis, wrist = self.now
+        return abs(axis - torque) < 0.5 and (elbow, wrist) == (7.0, 0.0)
+
+    def set(self, **values: Any) -> None:
+        """Faults begin or end."""
+        from rclpy.parameter import Parameter
+
+        assert self._until(self._client.service_is_ready, 20.0)
+        changes = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        answer = self._client.call_async(self._request(parameters=changes))
+        assert self._until(answer.done, 20.0)
+
+    def close(self) -> None:
+        self._process.terminate()
+        self._process.wait(10.0)
+
+    def _on_state(self, data: bytes) -> None:
+        self.states.append(self._wire.read(data))
+        if self.torque is not None:
+            self._commands.publish(self._command.write(int(self.states[-1][0]), self.torque))
+
+    def _on_robot(self, data: bytes) -> None:
+        self.stamps.add(self._robot_wire.read(data)[0])
+
+
+@pytest.fixture
+def beside(together: Callable[..., Any]) -> Iterator[Callable[..., tuple[Any, Any, Robot]]]:
+    """Makes the driver in this process and a robot beside it: the graph, the driver, the robot."""
+    made: list[Robot] = []
+
+    def make(*arguments: str, robot: tuple[str, ...] = ()) -> tuple[Any, Any, Robot]:
+        graph = together(*ARGUMENTS, *arguments, nodes=["ros2_control_driver"])
+        made.append(Robot(graph.driver, graph.until, 40.0, *robot))  # less than friction: the axis rests
+        return graph, graph["ros2_control_driver"], made[0]
+
+    yield make
+    for item in made:
+        item.close()
+
+
+def reactivate(driver: Any) -> None:
+    """As somebody does who has mended something."""
+    driver.trigger_deactivate()
+    driver.trigger_activate()
+
+
+def test_a_joint_is_found_moved_and_let_go(beside: Callable[..., tuple[Any, Any, Robot]]) -> None:
+    graph, driver, robot = beside(robot=("-p", "active:=false"))
+    assert graph.until(lambda: driver.hardware.waits == SWITCH, 20.0), driver.hardware.waits
+    assert robot.now == [3.0, 0.0, 0.0], "nothing has been commanded"
+    robot.set(active=True)
+    assert graph.until(lambda: robot.acts(40.0), 10.0), (driver.hardware.fault, driver.hardware.waits)
+    assert any(1.0 < axis < 39.0 for _, axis, _ in robot.applied), "it came over the ramp time"
+    assert driver.health.values["limits"].startswith("150 N m, 0.09 rad/s, -0.5 to 0.5 rad; URDF: friction 60 N m")
+    assert set(int(state[0]) for state in robot.states[-50:]) <= robot.stamps
+
+    robot.set(order=["elbow", "azimuth", "wrist"], nan_effort=True)
+    count = len(robot.states)
+    assert graph.until(lambda: len(robot.states) > count + 100, 10.0)
+    positions, efforts = zip(*[(state[1], state[3]) for state in robot.states[-50:]], strict=True)
+    assert max(map(abs, positions)) < 0.01, "the axis' position, not the 0.25 rad of the others"
+    assert efforts == (40.0,) * 50, "what was sent is taken for what the robot does not tell"
+    assert robot.acts(40.0)
+
+    robot.torque = 150.5
+    assert graph.until(lambda: robot.acts(0.0), 10.0)
+    assert "150.5 N m was refused, the limit is 150" in " ".join([*driver.health._events, driver.health.warning])
+    robot.torque = 40.0
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
+    robot.torque = None
+    assert graph.until(lambda: robot.acts(0.0), 10.0), "no commands"
+    robot.torque = 40.0
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
+    driver.trigger_deactivate()
+    assert graph.until(lambda: robot.acts(0.0), 10.0)
+    assert graph.until(lambda: driver.hardware._command is None, 10.0), "others may command now"
+
+
+def test_states_that_are_lost_late_swapped_or_missing(beside: Callable[..., tuple[Any, Any, Robot]]) -> None:
+    graph, driver, robot = beside()
+    assert graph.until(lambda: robot.acts(40.0), 20.0), (driver.hardware.fault, driver.hardware.waits)
+    robot.set(lost=0.3)
+    count = len(robot.states)
+    assert graph.until(lambda: len(robot.states) > count + 100, 10.0)
+    assert robot.acts(40.0)
+    robot.set(lost=0.0, late=0.5)
+    assert graph.until(lambda: robot.acts(0.0), 10.0)
+    assert graph.until(lambda: any("older than 0.3 s when they come" in text for text in driver.health._events), 10.0)
+    robot.set(late=0.0)
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
+    robot.set(silent=True)
+    assert graph.until(lambda: robot.acts(0.0), 10.0)
+    assert "no position for 0.3 s" in driver.health.warning
+    robot.set(silent=False)
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
+    robot.set(swapped=True)
+    assert graph.until(lambda: "come every 0.0" in driver.health.problem, 10.0), "every second one comes too late"
+    assert graph.until(lambda: robot.acts(0.0), 10.0)
+    stamps = [state[0] for state in robot.states]
+    assert stamps == sorted(set(stamps))
+
+
+def test_a_controller_that_is_switched_off_or_commanded_by_others(beside: Callable[..., tuple[Any, Any, Robot]]) -> None:
+    from std_msgs.msg import Float64MultiArray
+
+    graph, driver, robot = beside()
+    assert graph.until(lambda: robot.acts(40.0), 20.0), (driver.hardware.fault, driver.hardware.waits)
+    robot.set(active=False)
+    assert graph.until(lambda: SWITCH in driver.health.problem, 10.0)
+    assert robot.acts(40.0), "the hardware keeps it while nobody writes: as the sources say"
+    robot.set(active=True)
+    assert graph.until(lambda: robot.acts(0.0), 10.0)
+    graph.for_seconds(0.5)
+    assert robot.acts(0.0)
+    assert "activate the node again" in driver.health.problem
+    reactivate(driver)
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
+
+    rival = graph.driver.create_publisher(Float64MultiArray, "/effort_controller/commands", 10)
+    graph.for_seconds(0.5)
+    assert robot.acts(40.0), "another publisher that is silent is none"
+    timer = graph.driver.create_timer(0.02, lambda: rival.publish(Float64MultiArray(data=[1.0, 2.0])))
+    assert graph.until(lambda: "somebody else commands /effort_controller/commands" in driver.health.problem, 10.0)
+    assert graph.until(lambda: driver.hardware._command is None, 10.0)
+    graph.for_seconds(0.2)
+    assert robot.now == [1.0, 2.0, 0.0], "the robot is left to them"
+    graph.driver.destroy_timer(timer)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("-p", "others:=['elbow']"), "parameter others: 'elbow', expected JOINT=EFFORT"),
+        (("-r", "__ns:=/"), "namespace: that of the robot's joint_states, expected one of the axis' own"),
+        (("-p", "urdf:=nowhere.urdf"), "nowhere.urdf: cannot be read"),
+        (("-p", "clock:=lock_step"), "clock: lock_step, expected real_time"),
+    ],
+)
+def test_settings_that_cannot_be_meant_are_refused(together: Callable[..., Any], words: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        together(*ARGUMENTS, *words, nodes=["ros2_control_driver"])
+
+
+def test_descriptions_and_controllers_that_cannot_be_used_are_named(together: Callable[..., Any]) -> None:
+    from rclpy.parameter import Parameter
+    from std_msgs.msg import String
+
+    graph = together(*ARGUMENTS, nodes=["ros2_control_driver"])
+    driver = graph["ros2_control_driver"]
+    driver.hardware._look()
+    assert driver.hardware.waits.startswith("no /robot_description yet")
+    description = '<robot><joint name="azimuth" type="{}"><limit effort="20" velocity="2" lower="-1" upper="1"/></joint></robot>'
+    driver._on_description(String(data=description.format("prismatic")))
+    assert "URDF of joint azimuth: a linear joint, expected a rotary one" in driver.health.problem
+    driver._on_description(String(data=description.format("revolute")))
+    assert not driver.health.problem
+    assert driver.health.values["limits"].startswith("20 N m, 0.09 rad/s, -1 to 1 rad")
+    assert not driver.set_parameters([Parameter("travel_from", value=1.5)])[0].successful
+    assert driver.set_parameters([Parameter("torque_limit", value=10.0)])[0].successful
+    assert driver.health.values["limits"].startswith("10 N m")
+    driver.hardware._look()
+    assert driver.hardware.waits == "/effort_controller does not tell its joints (parameter service): is it loaded?"
+
+
+def test_the_last_thing_a_driver_sends_is_zero_unless_it_is_killed(processes: Any) -> None:
+    ears = Listening("commander")
+    robot = Robot(ears.node, wait_until, 40.0)
+    ears.begin()
+    try:
+        processes.start("ros2_control_driver", *ARGUMENTS)
+        assert wait_until(lambda: robot.acts(40.0), 40.0), processes.log("ros2_control_driver")
+        processes.kill("ros2_control_driver")
+        count = len(robot.applied)
+        assert wait_until(lambda: len(robot.applied) > count + 100)
+        assert robot.acts(40.0), "nobody ends it: that is why the drive needs a watchdog"
+        assert "if this node is killed, the controller keeps the last torque" in processes.log("ros2_control_driver")
+        processes.start("ros2_control_driver", *ARGUMENTS)
+        assert wait_until(lambda: abs(robot.now[1]) < 39.0, 40.0), "a new one begins at zero"
+        assert wait_until(lambda: robot.acts(40.0), 10.0)
+        count = len(robot.applied)
+        processes._processes["ros2_control_driver"].send_signal(signal.SIGTERM)
+        assert wait_until(lambda: not processes.alive("ros2_control_driver"), 20.0)
+        assert wait_until(lambda: robot.acts(0.0), 5.0)
+        assert sum(1.0 < axis < 39.0 for _, axis, _ in robot.applied[count:]) > 5, "over the stop time"
+    finally:
+        ears.close()
+        robot.close()
