@@ -118,6 +118,14 @@ def test_a_drive_is_prepared_enabled_moved_and_stopped(rig: Callable[..., Rig]) 
     one.enabled()
 
 
+def test_a_moment_without_answers_is_no_fault(rig: Callable[..., Rig]) -> None:
+    one = rig(settings=replace(SETTINGS, enable_time=0.3)).enabled(50.0)
+    one.until(lambda: False, 50.0, 0.4)
+    time.sleep(0.12)
+    one.enabled(50.0)
+    assert not one.hardware.fault
+
+
 def bus_off(one: Rig) -> None:
     def refuse(*_: Any, **__: Any) -> None:
         raise can.CanOperationError("bus off")

@@ -71,7 +71,7 @@ class CanopenHardware(Hardware):
         self._state, self._mode, self._error = State.UNKNOWN, 0, 0
         self._wanted = self._was_ready = self._was_well = False
         self._torque, self._word = 0.0, 0
-        self._wanted_since = self._answered = self._heard_at = self._beaten = 0.0
+        self._waits_since = self._answered = self._heard_at = self._beaten = 0.0  # steady times, s
         self._parts: tuple[int, bytes] = (0, b"")
         self.waits = "the drive is being prepared"
 
@@ -87,7 +87,7 @@ class CanopenHardware(Hardware):
 
     def apply(self, torque: float) -> None:
         if not self._wanted:
-            self._wanted, self._wanted_since = True, time.monotonic()
+            self._wanted, self._waits_since = True, time.monotonic()
         self._torque = torque
 
     def stop(self, reason: str) -> None:  # noqa: ARG002
@@ -127,7 +127,7 @@ class CanopenHardware(Hardware):
         number = self._settings.node_id
         network.subscribe(0x180 + number, self._on_first)
         network.subscribe(0x280 + number, self._on_second)
-        node.nmt.add_heartbeat_callback(lambda state: self._post(partial(self._on_heartbeat, state)))
+        node.nmt.add_heartbeat_callback(self._on_heartbeat)
         node.emcy.add_callback(lambda error: self._post(partial(self._on_emergency, error)))
 
     def _wait_for(self, what: str) -> None:
@@ -135,9 +135,10 @@ class CanopenHardware(Hardware):
 
     def _prepared(self, network: Any, scale: Scale, notes: list[str]) -> None:
         self._network, self._scale, self.notes = network, scale, notes
-        self._heard_at = self._answered = time.monotonic()
+        self._prepared_at = self._heard_at = self._answered = time.monotonic()
         self.waits = "no answer to SYNC yet"
 
+    _prepared_at = 0.0
     notes: list[str] = []  # noqa: RUF012
     """What the drive lacks and can do without."""
 
@@ -171,7 +172,7 @@ class CanopenHardware(Hardware):
             self._fail(f"node {settings.node_id}: no heartbeat for {settings.silence:g} s")
         if now - self._answered > UNANSWERED:
             self.waits = f"no answer to SYNC for {UNANSWERED:g} s"
-        if self._wanted and self.waits and now - self._wanted_since > settings.enable_time and not self.fault:
+        if self._wanted and self.waits and now - self._waits_since > settings.enable_time and not self.fault:
             self._fail(f"node {settings.node_id}: not enabled within {settings.enable_time:g} s: {self.waits}")
 
     def _ready(self) -> bool:
@@ -191,11 +192,16 @@ class CanopenHardware(Hardware):
         if begun == number and len(first) >= FIRST.size and len(data) >= SECOND_PART.size:
             self._post(partial(self._on_answer, stamp, FIRST.unpack_from(first), SECOND_PART.unpack_from(data)))
 
+    def _on_heartbeat(self, state: int) -> None:
+        self._heard_at = time.monotonic()  # here, so that a late executor is no silent drive
+        if state != NMT_OPERATIONAL:
+            self._post(partial(self._on_other_state, state))
+
     # What is made of it, in the executor's thread
 
-    def _on_heartbeat(self, state: int) -> None:
-        self._heard_at = time.monotonic()
-        if self._network is not None and state != NMT_OPERATIONAL:
+    def _on_other_state(self, state: int) -> None:
+        just_left = state != 0 and time.monotonic() - self._prepared_at < self._settings.silence
+        if self._network is not None and not just_left:
             what = "started anew" if state == 0 else f"is not operational (NMT state {state})"
             self._fail(f"node {self._settings.node_id}: {what}")
 
@@ -226,6 +232,7 @@ class CanopenHardware(Hardware):
             self.waits = f"shows mode {self._mode} instead of {CYCLIC_SYNCHRONOUS_TORQUE}"
         else:
             self.waits = ""
+            self._waits_since = self._answered
         if self._was_ready and self.waits:
             self._fail(f"node {self._settings.node_id}: stopped by itself: {self.waits}")
         self._was_ready = self._ready()
