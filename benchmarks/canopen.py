@@ -133,10 +133,10 @@ def _rows(rate: float, outcome: Any, syncs: Any, answers: int, fault: str) -> li
 
     gaps = np.diff(syncs)
     late = np.abs(gaps - 1.0 / rate) * 1e3
-    after, before = outcome.after.rms, outcome.before.rms
+    measured = outcome.to_mapping()
     return [
-        row("tracking error without compensation", before * 1e6, "urad rms"),
-        row("tracking error with compensation", after * 1e6, "urad rms"),
+        row("tracking error without compensation", measured["before"]["rms"], "arcsec rms"),
+        row("tracking error with compensation", measured["after"]["rms"], "arcsec rms"),
         row("coulomb identified, 78.1 is true", outcome.identified["coulomb"], "N m"),
         row("SYNC", 1.0 / float(np.mean(gaps)), "1/s"),
         row("SYNC off its time, median", float(np.median(late)), "ms"),
