@@ -81,7 +81,7 @@ def _serve(port: int) -> None:
     server = CanServer(CHANNEL, port)
     drive = SimulatedDrive(load_axis(shipped(AXIS)).axis, settings, settings.bus(), RATED)
     print(f"a drive (node 1, {RATED:g} N m, {MOTOR['counts_per_turn']:.0f} counts, gear {MOTOR['gear']:g}) on port {server.port}")
-    print("Ctrl-C ends it; this many lines say what it does:", flush=True)
+    print("Ctrl-C ends it. What it does:", flush=True)
     said = None
     try:
         while True:

@@ -34,6 +34,8 @@ except ModuleNotFoundError:  # of the optional set canopen
 SYNC, NMT_OPERATIONAL = 0x080, 5
 RETRY = 0.5  # s between two attempts to reach a drive
 UNANSWERED = 0.1  # s without an answer to SYNC until it is said
+COUNTED = 50
+"""SYNCs of which at least half have to be answered: a loop that hears fewer states is another one than was tuned."""
 FIRST, SECOND_PART, COMMAND = struct.Struct("<HiB"), struct.Struct("<ihH"), struct.Struct("<Hh")
 """The PDOs, as `canopen_setup` maps them."""
 
@@ -73,6 +75,7 @@ class CanopenHardware(Hardware):
         self._torque, self._word = 0.0, 0
         self._waits_since = self._answered = self._heard_at = self._beaten = 0.0  # steady times, s
         self._parts: tuple[int, bytes] = (0, b"")
+        self._counted = self._answers = 0
         self.waits = "the drive is being prepared"
 
     def open(self, heard: Callable[[Measured], None]) -> None:
@@ -172,6 +175,11 @@ class CanopenHardware(Hardware):
             self._fail(f"node {settings.node_id}: no heartbeat for {settings.silence:g} s")
         if now - self._answered > UNANSWERED:
             self.waits = f"no answer to SYNC for {UNANSWERED:g} s"
+        self._counted += 1
+        if self._counted == COUNTED:
+            if 2 * self._answers < COUNTED and self._was_well:
+                self._fail(f"node {settings.node_id}: answers {self._answers} of {COUNTED} SYNCs in time")
+            self._counted = self._answers = 0
         if self._wanted and self.waits and now - self._waits_since > settings.enable_time and not self.fault:
             self._fail(f"node {settings.node_id}: not enabled within {settings.enable_time:g} s: {self.waits}")
 
@@ -214,6 +222,7 @@ class CanopenHardware(Hardware):
         if self._scale is None:
             return
         self._answered = time.monotonic()
+        self._answers += 1
         (status, counts, self._mode), (speed, torque, self._error) = first, second
         self._follow(state_of(status))
         self._heard(Measured(stamp, self._scale.position(counts), self._scale.speed(speed), self._scale.torque(torque)))
