@@ -203,6 +203,25 @@ def test_a_drive_that_lacks_what_safety_needs_is_refused(
     assert words in one.hardware.fault
 
 
+def test_a_drive_with_a_quick_stop_of_its_own_is_noted(rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    boot = SimulatedDrive._boot
+
+    def without(drive: SimulatedDrive) -> None:
+        boot(drive)
+        for index in (od.LOST_OPTION, od.SYNC_PERIOD):
+            del drive.node.object_dictionary[index]
+
+    monkeypatch.setattr(SimulatedDrive, "_boot", without)
+    assert rig().enabled().hardware.notes == ["0x6007 refuses 3 (0x06020000): what it does then is its own setting"]
+
+
+def test_a_drive_is_used_with_its_eds_file(rig: Callable[..., Rig], tmp_path: Path) -> None:
+    path = tmp_path / "drive.eds"
+    canopen.export_od(od.minimal(), str(path))
+    one = rig(settings=replace(SETTINGS, eds=str(path))).enabled(50.0)
+    assert one.until(lambda: one.drive.torque > 45.0, 50.0)
+
+
 def test_a_drive_that_comes_later_is_waited_for() -> None:
     settings = replace(SETTINGS, channel="later")
     posted: deque[Callable[[], None]] = deque()

@@ -142,8 +142,6 @@ class CanopenHardware(Hardware):
         self.waits = "no answer to SYNC yet"
 
     _prepared_at = 0.0
-    notes: list[str] = []  # noqa: RUF012
-    """What the drive lacks and can do without."""
 
     # Cyclic, in the executor's thread
 
