@@ -45,6 +45,8 @@ class Faults:
     refuses_mode: bool = False
     """It takes the mode and does not show it."""
     no_such_mode: bool = False
+    answers_every: int = 1
+    """Of so many SYNCs it answers one."""
     dead: bool = False
     """It says nothing and hears nothing."""
 
@@ -160,7 +162,7 @@ class SimulatedDrive:
     def _on_target(self, _identifier: int, data: bytes, _timestamp: float) -> None:
         self._received = bytes(data)
 
-    _received = b""
+    _received, _heard = b"", 0
 
     def _on_heartbeat(self, _identifier: int, _data: bytes, _timestamp: float) -> None:
         self._beaten = time.monotonic()
@@ -172,6 +174,9 @@ class SimulatedDrive:
             self._synced = time.monotonic()
             self._advance(self._synced)
             self._obey()
+            self._heard += 1
+            if self._heard % self.faults.answers_every:
+                return
             measured = self._measured()
             for number, identifier in enumerate((0x180, 0x280)):
                 parts = [variable.encode_raw(measured[variable.index]) for variable in self._mapped(0x1A00 + number)]

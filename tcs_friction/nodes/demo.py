@@ -72,7 +72,7 @@ def commission(
         for item in together:
             executor.add_node(item)
         done = Future()
-        executor.create_task(_drive(node, directory, children, tell, done))
+        executor.create_task(drive_action(node, directory, children, tell, done))
         try:
             spin(executor, done)
         finally:
@@ -94,7 +94,7 @@ def _ended(children: Mapping[str, BaseProcess]) -> Iterator[None]:
         graph.end_processes(children)
 
 
-async def _drive(
+async def drive_action(
     node: Commission,
     directory: Path,
     children: Mapping[str, BaseProcess],

@@ -256,6 +256,8 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
         (["bench", "identify"], "bench"),
         (["bench"], "bench"),
         (["node", "dynamometer", "--ros-args"], "hardware"),
+        (["node", "canopen_drive"], "canopen"),
+        (["bench", "canopen", "--serve", "29536"], "canopen"),
         (["node", "mujoco_plant", "--ros-args", "-p", "period:=0.002"], "mujoco"),
         (["graph", "my.yaml", "--plant", "mujoco", "--joint", "elbow"], "mujoco"),
         (["simulate", "my.yaml", "--plant=mujoco"], "mujoco"),

@@ -6,6 +6,7 @@ The drive is `canopen.LocalNode` on python-can's virtual bus, moved by the simul
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -118,6 +119,14 @@ def test_a_drive_is_prepared_enabled_moved_and_stopped(rig: Callable[..., Rig]) 
     one.enabled()
 
 
+def test_a_moment_without_answers_is_no_fault(rig: Callable[..., Rig]) -> None:
+    one = rig(settings=replace(SETTINGS, enable_time=0.3)).enabled(50.0)
+    one.until(lambda: False, 50.0, 0.4)
+    time.sleep(0.12)
+    one.enabled(50.0)
+    assert not one.hardware.fault
+
+
 def bus_off(one: Rig) -> None:
     def refuse(*_: Any, **__: Any) -> None:
         raise can.CanOperationError("bus off")
@@ -129,7 +138,8 @@ FAULTS: dict[str, tuple[Callable[[Rig], Any], str]] = {
     "emergency": (lambda one: one.drive.emergency(0x4210), "node 1: emergency 0x4210, Temperature"),
     "fault": (lambda one: one.drive.fail(0x2310), "node 1: emergency 0x2310"),
     "silent fault": (lambda one: one.drive._become(State.FAULT), "node 1: fault, error 0x0000"),
-    "lost SYNC": (lambda one: setattr(one.drive.faults, "deaf_to_sync", True), "node 1: emergency 0x8700"),
+    "lost SYNC": (lambda one: setattr(one.drive.faults, "deaf_to_sync", True), r"node 1: (emergency 0x8700|answers \d+ of 50)"),
+    "slow answers": (lambda one: setattr(one.drive.faults, "answers_every", 4), r"node 1: answers \d+ of 50 SYNCs in time"),
     "dead drive": (lambda one: setattr(one.drive.faults, "dead", True), "node 1: no heartbeat for 0.3 s"),
     "restart": (lambda one: one.drive.restart(), "node 1: started anew"),
     "switched off": (lambda one: one.drive._become(State.DISABLED), "node 1: stopped by itself: switch on disabled"),
@@ -145,7 +155,7 @@ def test_every_fault_takes_the_torque_away_until_somebody_activates_again(name: 
     assert one.until(lambda: one.drive.torque > 150.0, 200.0)
     happens(one)
     assert one.until(lambda: bool(one.hardware.fault), 200.0)
-    assert words in one.hardware.fault
+    assert re.search(words, one.hardware.fault), one.hardware.fault
     assert one.until(lambda: one.drive.state is not State.ENABLED and one.drive.torque <= 0.0, 200.0), one.drive.state
     one.drive.faults = Faults()
     one.until(lambda: False, 200.0, 0.1)
@@ -191,6 +201,25 @@ def test_a_drive_that_lacks_what_safety_needs_is_refused(
     one = rig()
     assert one.until(lambda: bool(one.hardware.fault))
     assert words in one.hardware.fault
+
+
+def test_a_drive_with_a_quick_stop_of_its_own_is_noted(rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    boot = SimulatedDrive._boot
+
+    def without(drive: SimulatedDrive) -> None:
+        boot(drive)
+        for index in (od.LOST_OPTION, od.SYNC_PERIOD):
+            del drive.node.object_dictionary[index]
+
+    monkeypatch.setattr(SimulatedDrive, "_boot", without)
+    assert rig().enabled().hardware.notes == ["0x6007 refuses 3 (0x06020000): what it does then is its own setting"]
+
+
+def test_a_drive_is_used_with_its_eds_file(rig: Callable[..., Rig], tmp_path: Path) -> None:
+    path = tmp_path / "drive.eds"
+    canopen.export_od(od.minimal(), str(path))
+    one = rig(settings=replace(SETTINGS, eds=str(path))).enabled(50.0)
+    assert one.until(lambda: one.drive.torque > 45.0, 50.0)
 
 
 def test_a_drive_that_comes_later_is_waited_for() -> None:

@@ -34,6 +34,8 @@ except ModuleNotFoundError:  # of the optional set canopen
 SYNC, NMT_OPERATIONAL = 0x080, 5
 RETRY = 0.5  # s between two attempts to reach a drive
 UNANSWERED = 0.1  # s without an answer to SYNC until it is said
+COUNTED = 50
+"""SYNCs of which at least half have to be answered: a loop that hears fewer states is another one than was tuned."""
 FIRST, SECOND_PART, COMMAND = struct.Struct("<HiB"), struct.Struct("<ihH"), struct.Struct("<Hh")
 """The PDOs, as `canopen_setup` maps them."""
 
@@ -71,8 +73,9 @@ class CanopenHardware(Hardware):
         self._state, self._mode, self._error = State.UNKNOWN, 0, 0
         self._wanted = self._was_ready = self._was_well = False
         self._torque, self._word = 0.0, 0
-        self._wanted_since = self._answered = self._heard_at = self._beaten = 0.0
+        self._waits_since = self._answered = self._heard_at = self._beaten = 0.0  # steady times, s
         self._parts: tuple[int, bytes] = (0, b"")
+        self._counted = self._answers = 0
         self.waits = "the drive is being prepared"
 
     def open(self, heard: Callable[[Measured], None]) -> None:
@@ -87,7 +90,7 @@ class CanopenHardware(Hardware):
 
     def apply(self, torque: float) -> None:
         if not self._wanted:
-            self._wanted, self._wanted_since = True, time.monotonic()
+            self._wanted, self._waits_since = True, time.monotonic()
         self._torque = torque
 
     def stop(self, reason: str) -> None:  # noqa: ARG002
@@ -127,7 +130,7 @@ class CanopenHardware(Hardware):
         number = self._settings.node_id
         network.subscribe(0x180 + number, self._on_first)
         network.subscribe(0x280 + number, self._on_second)
-        node.nmt.add_heartbeat_callback(lambda state: self._post(partial(self._on_heartbeat, state)))
+        node.nmt.add_heartbeat_callback(self._on_heartbeat)
         node.emcy.add_callback(lambda error: self._post(partial(self._on_emergency, error)))
 
     def _wait_for(self, what: str) -> None:
@@ -135,11 +138,10 @@ class CanopenHardware(Hardware):
 
     def _prepared(self, network: Any, scale: Scale, notes: list[str]) -> None:
         self._network, self._scale, self.notes = network, scale, notes
-        self._heard_at = self._answered = time.monotonic()
+        self._prepared_at = self._heard_at = self._answered = time.monotonic()
         self.waits = "no answer to SYNC yet"
 
-    notes: list[str] = []  # noqa: RUF012
-    """What the drive lacks and can do without."""
+    _prepared_at = 0.0
 
     # Cyclic, in the executor's thread
 
@@ -171,7 +173,12 @@ class CanopenHardware(Hardware):
             self._fail(f"node {settings.node_id}: no heartbeat for {settings.silence:g} s")
         if now - self._answered > UNANSWERED:
             self.waits = f"no answer to SYNC for {UNANSWERED:g} s"
-        if self._wanted and self.waits and now - self._wanted_since > settings.enable_time and not self.fault:
+        self._counted += 1
+        if self._counted == COUNTED:
+            if 2 * self._answers < COUNTED and self._was_well:
+                self._fail(f"node {settings.node_id}: answers {self._answers} of {COUNTED} SYNCs in time")
+            self._counted = self._answers = 0
+        if self._wanted and self.waits and now - self._waits_since > settings.enable_time and not self.fault:
             self._fail(f"node {settings.node_id}: not enabled within {settings.enable_time:g} s: {self.waits}")
 
     def _ready(self) -> bool:
@@ -191,11 +198,16 @@ class CanopenHardware(Hardware):
         if begun == number and len(first) >= FIRST.size and len(data) >= SECOND_PART.size:
             self._post(partial(self._on_answer, stamp, FIRST.unpack_from(first), SECOND_PART.unpack_from(data)))
 
+    def _on_heartbeat(self, state: int) -> None:
+        self._heard_at = time.monotonic()  # here, so that a late executor is no silent drive
+        if state != NMT_OPERATIONAL:
+            self._post(partial(self._on_other_state, state))
+
     # What is made of it, in the executor's thread
 
-    def _on_heartbeat(self, state: int) -> None:
-        self._heard_at = time.monotonic()
-        if self._network is not None and state != NMT_OPERATIONAL:
+    def _on_other_state(self, state: int) -> None:
+        just_left = state != 0 and time.monotonic() - self._prepared_at < self._settings.silence
+        if self._network is not None and not just_left:
             what = "started anew" if state == 0 else f"is not operational (NMT state {state})"
             self._fail(f"node {self._settings.node_id}: {what}")
 
@@ -208,6 +220,7 @@ class CanopenHardware(Hardware):
         if self._scale is None:
             return
         self._answered = time.monotonic()
+        self._answers += 1
         (status, counts, self._mode), (speed, torque, self._error) = first, second
         self._follow(state_of(status))
         self._heard(Measured(stamp, self._scale.position(counts), self._scale.speed(speed), self._scale.torque(torque)))
@@ -226,6 +239,7 @@ class CanopenHardware(Hardware):
             self.waits = f"shows mode {self._mode} instead of {CYCLIC_SYNCHRONOUS_TORQUE}"
         else:
             self.waits = ""
+            self._waits_since = self._answered
         if self._was_ready and self.waits:
             self._fail(f"node {self._settings.node_id}: stopped by itself: {self.waits}")
         self._was_ready = self._ready()

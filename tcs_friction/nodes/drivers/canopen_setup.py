@@ -76,7 +76,8 @@ def prepare(node: Any, settings: DriveSettings, linear: bool, period: float, tor
     objects.write(od.CONSUMER, settings.own_id << 16 | round(settings.silence * 1e3), 1)
     objects.write(od.PRODUCER, round(settings.heartbeat * 1e3))
     _limit(objects, settings, scale.limit(torque_limit))
-    notes = _wish(objects, {od.SYNC_PERIOD: round(period * 1e6), **QUICK_STOP})
+    _wish(objects, {od.SYNC_PERIOD: round(period * 1e6)})
+    notes = [f"{note}: what it does then is its own setting" for note in _wish(objects, QUICK_STOP)]
     _map(node)
     objects.write(od.TARGET, 0)
     node.nmt.state = "OPERATIONAL"
@@ -113,7 +114,7 @@ def _limit(objects: Objects, settings: DriveSettings, per_mille: int) -> None:
 
 
 def _wish(objects: Objects, values: dict[int, int]) -> list[str]:
-    """Objects that a drive may lack."""
+    """Objects that a drive may lack; what it refuses."""
     notes = []
     for index, value in values.items():
         try:

@@ -157,6 +157,8 @@ class DriverNode(ManagedNode[D]):
             self.health.doubt("drive", f"drive: {hardware.waits}")
         else:
             self.health.well("drive")
+        if hardware.notes:
+            self.health.doubt("drive lacks", "; ".join(hardware.notes))
         self.health.values["drive"] = hardware.fault or hardware.waits or "on"
 
     def destroy_node(self) -> None:

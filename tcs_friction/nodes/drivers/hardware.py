@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 
@@ -23,6 +23,9 @@ class Hardware(ABC):
     """Why there may be no torque until `reset`, "" for nothing. One line; read at every period."""
     waits = ""
     """What is waited for before torque has an effect, "" when it has."""
+
+    notes: Sequence[str] = ()
+    """What the drive lacks and can do without, a line each."""
 
     @abstractmethod
     def open(self, heard: Callable[[Measured], None]) -> None:
