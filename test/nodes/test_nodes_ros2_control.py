@@ -119,7 +119,7 @@ def test_a_joint_is_found_moved_and_let_go(beside: Callable[..., tuple[Any, Any,
     assert graph.until(lambda: robot.acts(40.0), 10.0), (driver.hardware.fault, driver.hardware.waits)
     assert any(1.0 < axis < 39.0 for _, axis, _ in robot.applied), "it came over the ramp time"
     assert driver.health.values["limits"].startswith("150 N m, 0.09 rad/s, -0.5 to 0.5 rad; URDF: friction 60 N m")
-    assert set(int(state[0]) for state in robot.states[-50:]) <= robot.stamps
+    assert {int(state[0]) for state in robot.states[-50:]} <= robot.stamps
 
     robot.set(order=["elbow", "azimuth", "wrist"], nan_effort=True)
     count = len(robot.states)

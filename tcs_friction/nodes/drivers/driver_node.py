@@ -27,7 +27,7 @@ from tcs_friction.nodes.gate import say, torque_limits
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
 from tcs_friction.nodes.plant import COMMAND
-from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.qos import LISTEN
 from tcs_friction.nodes.rivals import Rivals
 from tcs_friction.nodes.steady import steady_timer
 from tcs_friction.nodes.wire import TORQUE, JointWire
@@ -59,7 +59,7 @@ class DriverNode(ManagedNode[D]):
 
     def __init__(self, kind: type[D]) -> None:
         super().__init__("plant", driver_defaults(kind))
-        self._states = self.create_publisher(JointState, "joint_states", PUBLISH)
+        self._states = self.create_publisher(JointState, "joint_states", self.publish_profile)
         self._recent = RecentStates(self.config.age_limit)
         self._answers = AnswerRule(self._recent)
         self._gate = TorqueGate(self.config, self.config.ramp_time)
