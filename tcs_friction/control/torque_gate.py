@@ -72,6 +72,7 @@ class TorqueGate:
     def configure(self, limits: TorqueLimits, ramp_time: float) -> None:
         """Other limits, at any time."""
         self._limits, self._ramp_time = limits, ramp_time
+        self._share.duration = self._up.duration = self._down.duration = ramp_time
 
     def restart(self) -> None:
         """No command has come, and no torque acts."""

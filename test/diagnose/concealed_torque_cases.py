@@ -107,10 +107,10 @@ def settled(data: DataSet) -> tuple[TorqueBalance, Fit]:
     return balance, under(balance, fit, with_spectrum(balance, noise, balance.residual(fit.axis, noise)))
 
 
-def unfitted(balance: TorqueBalance, model: Axis, noise: NoiseModel) -> Fit:
-    """An axis as it is, as if it had been fitted, with numbers known to a thousandth."""
+def unfitted(balance: TorqueBalance, model: Axis, noise: NoiseModel, variance: float = 1.0) -> Fit:
+    """An axis as it is, as if it had been fitted, with this variance of every number."""
     free = tuple(balance.free(model))
-    return Fit(model, free, 1e-6 * np.eye(len(free)), balance.squares(model, noise), Outcome.CONVERGED)
+    return Fit(model, free, variance * np.eye(len(free)), balance.squares(model, noise), Outcome.CONVERGED)
 
 
 def selected(balance: TorqueBalance, excluded: frozenset[str] = frozenset()) -> Selection:

@@ -29,6 +29,7 @@ from tcs_friction.physics.terms import Instance, instance
 BIAS = instance(effect("torque_bias"), {"bias": 2.0})
 ASYMMETRY = instance(effect("coulomb_asymmetry"), {"asymmetry": 0.1})  # of 60 N m: larger than the bias
 SHARED = instance(effect("viscous_asymmetry"), {"asymmetry": 40.0})
+KNOWN = 1e-6  # variance of every number
 Pair = tuple[Axis, Instance, Instance]
 
 
@@ -38,7 +39,7 @@ def fitted() -> tuple[TorqueBalance, Fit, Fit]:
     balance, retuned = settled(
         conditioned(np.random.default_rng(1), lambda m: np.full(len(m.t), 2.0 + 6.0), seconds=80.0)
     )
-    return balance, retuned, unfitted(balance, axis().with_effect(BIAS).with_effect(ASYMMETRY), retuned.noise)
+    return balance, retuned, unfitted(balance, axis().with_effect(BIAS).with_effect(ASYMMETRY), retuned.noise, KNOWN)
 
 
 def contest(
@@ -188,7 +189,7 @@ def test_a_map_with_which_a_simulation_moves_worse_takes_no_name_away(
     fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     balance, retuned, both = fitted
-    mapped = unfitted(balance, both.axis.with_effect(SHARED), both.noise)
+    mapped = unfitted(balance, both.axis.with_effect(SHARED), both.noise, KNOWN)
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
     runs = {2: 1.0, 3: 3.0}  # of the axis with the two effects, and with what stands for a map
     monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, runs.get(len(axis.effects), 2.0)))
@@ -199,7 +200,7 @@ def test_a_map_with_which_a_simulation_moves_worse_takes_no_name_away(
 def test_what_a_map_predicts_is_no_proof_of_an_effect(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
     """A small effect beside a large torque of unknown cause, which the map takes away."""
     balance, retuned, both = fitted
-    alone = unfitted(balance, both.axis.without_effect(ASYMMETRY), both.noise)
+    alone = unfitted(balance, both.axis.without_effect(ASYMMETRY), both.noise, KNOWN)
     small = contest(balance, alone, BIAS.identity)
     found = conclude(balance, AxisFile(axis()), Explanation(retuned, alone, both, None, (), (small,)))
     (bias,) = [one for one in found.described if one.effect == "torque_bias"]
@@ -210,7 +211,7 @@ def test_collisions_that_explain_little_are_described_only(fitted: tuple[TorqueB
     """Whatever they gain: they scatter between the pieces, so nothing but what they leave speaks against them."""
     balance, retuned, _ = fitted
     gap = instance(effect("backlash"), {"gap": 1e-3, "inertia_ratio": 0.5})
-    knocking = unfitted(balance, axis().with_effect(gap), retuned.noise)
+    knocking = unfitted(balance, axis().with_effect(gap), retuned.noise, KNOWN)
     small = contest(balance, knocking, gap.identity, gain=1e4)
     found = concluded(fitted, small, improved=knocking)
     assert found.effects == ()
@@ -233,7 +234,7 @@ def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple
     cogging = instance(effect("cogging"), {"order": 40.0, "amplitude": 5.0, "phase": 0.3})
     for order, amplitude, echo in ((40.0, 0.3, True), (40.0, 2.0, False), (90.0, 0.3, False)):
         second = instance(effect("cogging"), {"order": order, "amplitude": amplitude, "phase": 1.8})
-        fit = unfitted(balance, axis().with_effect(cogging).with_effect(second), retuned.noise)
+        fit = unfitted(balance, axis().with_effect(cogging).with_effect(second), retuned.noise, KNOWN)
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
         item = fit.axis.effects[-1]
         assert proof._echoes(item, proof._size(item)) == echo, (order, amplitude)

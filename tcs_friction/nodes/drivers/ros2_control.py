@@ -118,9 +118,7 @@ class RobotJoint(Hardware):
         if self._command is None:
             self._note_efforts(data)
         before, step = self._input.stamp, self._input.take(data)
-        if step is NEW_RUN:
-            self._intervals.clear()
-        elif step is NEXT and before >= 0:
+        if step is NEXT and before >= 0:
             self._intervals.append((self._input.stamp - before) / SECOND)
         if step in (NEXT, NEW_RUN) and self._in_time(self._input.stamp):
             state = self._input
