@@ -229,10 +229,10 @@ def test_a_fit_that_was_cut_short_is_said(fitted: tuple[TorqueBalance, Fit, Fit]
 
 
 def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
-    """A tenth of a cogging's torque is what a wrong gain or timing of the log leaves of it."""
+    """A fifth of a cogging's torque is what a wrong gain or timing of the log leaves of it."""
     balance, retuned, _ = fitted
     cogging = instance(effect("cogging"), {"order": 40.0, "amplitude": 5.0, "phase": 0.3})
-    for order, amplitude, echo in ((40.0, 0.3, True), (40.0, 2.0, False), (90.0, 0.3, False)):
+    for order, amplitude, echo in ((40.0, 0.8, True), (40.0, 2.0, False), (90.0, 0.8, False)):
         second = instance(effect("cogging"), {"order": order, "amplitude": amplitude, "phase": 1.8})
         fit = unfitted(balance, axis().with_effect(cogging).with_effect(second), retuned.noise, KNOWN)
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))

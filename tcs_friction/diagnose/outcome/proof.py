@@ -29,7 +29,7 @@ from tcs_friction.physics.terms import Instance, Parameter, Role
 
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
-ECHO = 0.1  # of a wave's torque, as well as gain and timing of a logged torque are known over the frequencies of a chirp
+ECHO = 0.2  # of a wave's torque: gain and timing of a logged torque over the frequencies of a chirp are known no better together
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 

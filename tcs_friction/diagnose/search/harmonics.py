@@ -1,7 +1,7 @@
 """Effects that belong together: a small wave at a multiple of another one's order, a constant torque beside a spring.
 
-In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic, and in which one term
-does what two did: an offset beside a spring is the place in which it rests.
+In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic, in which a wave's first
+harmonic is no small part of it, and in which one term does what two did: an offset beside a spring is the place in which it rests.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
+from tcs_friction.diagnose.search.waves import leads
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 
@@ -47,6 +48,32 @@ def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
         if not apart or lost < DISTINGUISHABLE * misfit(balance, residual):
             return with_harmonics_joined(balance, trial, base)
     return fit
+
+
+def with_leading_orders(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
+    """The fit in which every wave has the order of its largest harmonic, unless its first one is at least half as large.
+
+    What the wave had at other orders is left out; a further round of the search finds it where it counts. `base`: the axis whose
+    effects stay as they are.
+    """
+    for item in added_effects(fit.axis, base):
+        if item.term.periodic and not leads(item):
+            axis = fit.axis.without_effect(item).with_effect(_of_largest_harmonic(item))
+            return with_leading_orders(balance, settle(balance, axis, fit.noise, rounds=1), base)
+    return fit
+
+
+def _of_largest_harmonic(item: Instance) -> Instance:
+    """The wave whose order is that of the largest harmonic, with the harmonics at multiples of that."""
+    waves = item.term.harmonics
+    largest = max(range(len(waves)), key=lambda j: item.values[waves[j].amplitude.name]) + 1
+    values = {item.term.order.name: largest * item.order}
+    for j, (amplitude, phase) in enumerate(waves, 1):
+        old = waves[j * largest - 1] if j * largest <= len(waves) else None
+        values[amplitude.name] = item.values[old.amplitude.name] if old is not None else 0.0
+        if phase is not None:
+            values[phase.name] = item.values[old.phase.name] if old is not None and old.phase is not None else 0.0
+    return item.replace(**values)
 
 
 def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
