@@ -26,10 +26,9 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
-from tcs_friction.recording.tables import import_table
+from tcs_friction.recording.tables import TABLES, import_table
 from tcs_friction.writable import output_file
 
-TABLES = (".csv", ".parquet")
 LINEAR_WORDS = ("linear", "slide", "carriage", "gantry", "prismatic", "stage", "force", "thrust", "rail", "ballscrew")
 """In the name of a joint, topic or field: an axis that moves along a line."""
 FULL_TURN = 2.0 * np.pi

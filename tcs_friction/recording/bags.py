@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from tcs_friction.recording.metadata import listed_files
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
+from tcs_friction.recording.tables import TABLES, import_table
 
 Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan
 SCANS: dict[bytes, type[Scan]] = {
@@ -38,11 +40,17 @@ MOST_MISSING = 5
 
 
 def read_recordings(bags: Sequence[Path], signals: SignalMap) -> tuple[Recording, ...]:
-    """One recording a bag. Raises InputError when a bag is none, or lacks a topic, field or joint."""
-    return tuple(_recording(Bag(Path(bag)), signals) for bag in bags)
+    """One recording a bag or table (.csv, .parquet), whose columns are told by their names.
+
+    Raises InputError when a bag is none, or lacks a topic, field or joint, and when a table lacks a column.
+    """
+    return tuple(map(partial(_recording, signals), map(Path, bags)))
 
 
-def _recording(bag: Bag, signals: SignalMap) -> Recording:
+def _recording(signals: SignalMap, path: Path) -> Recording:
+    if path.suffix.lower() in TABLES:
+        return import_table(path, "", {}, signals).recording
+    bag = Bag(path)
     sources = [source for _, source in signals.named()]
     columns, notes = read_columns(bag, sources)
     return align(columns, signals, str(bag.path), notes)

@@ -21,6 +21,7 @@ from tcs_friction.recording.table_files import read_csv, read_parquet, write_csv
 from tcs_friction.recording.units import Named
 from tcs_friction.recording.write import EPOCH
 
+TABLES = (".csv", ".parquet")  # endings of the files that are tables
 ROTARY = {"position": "rad", "velocity": "rad/s", "torque": "N m", "reference": "rad"}
 LINEAR = {"position": "m", "velocity": "m/s", "torque": "N", "reference": "m"}
 UNITS = {"rotary": ROTARY, "linear": LINEAR}

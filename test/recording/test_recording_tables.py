@@ -321,3 +321,20 @@ def test_no_command_writes_over_its_input(link: bool, tmp_path: Path, capsys: py
     assert cli.main(["bag", "export", str(bag), "--axis", str(given), "-o", str(inside)]) == 2
     assert [path.read_text() for path in (own / "axis.yaml", own / "report.html", table)] == [text] * 3
     assert sorted(path.name for path in own.iterdir()) == ["axis.yaml", "report.html"]
+
+
+def test_a_table_serves_where_a_bag_does(tmp_path: Path) -> None:
+    """With the signals of the axis file: columns that it does not know are left out and told."""
+    table = tmp_path / "run.csv"
+    export_table(recording(), table)
+    (back,) = read_recordings([table], SIGNALS)
+    assert np.array_equal(back.position, recording().position)
+    assert np.array_equal(back.torque, recording().torque)
+    assert any("wind" in note for note in back.notes)
+
+
+def test_a_table_without_a_torque_is_refused(tmp_path: Path) -> None:
+    table = tmp_path / "run.csv"
+    table.write_text("time [s],position [rad]\n0,0\n1,1\n")
+    with pytest.raises(InputError, match="torque"):
+        read_recordings([table], SIGNALS)

@@ -1,7 +1,7 @@
 """Effects that belong together: a small wave at a multiple of another one's order, a constant torque beside a spring.
 
 In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic, in which a wave's first
-harmonic is no small part of it, and in which one term does what two did: an offset beside a spring is the place in which it rests.
+harmonic is no small part of it, and in which one term does what two did: an offset beside a spring is where the spring rests.
 """
 
 from __future__ import annotations
