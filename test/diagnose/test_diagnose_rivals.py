@@ -18,7 +18,7 @@ from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
-from tcs_friction.diagnose.search.rivals import Contest, contest_for_place, contested
+from tcs_friction.diagnose.search.rivals import Contest, _tied, contest_for_place, contested
 from tcs_friction.diagnose.search.start import Kind, Start
 from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.physics.registry import effect
@@ -62,6 +62,27 @@ def test_equivalents_are_those_of_another_kind_whose_gain_is_as_large(fitted: tu
     )
     contest = Contest(BIAS.identity, Kind("torque_bias"), fitted[1], 100.0, 10.0, rivals)
     assert contest.equivalent == (rivals[0], rivals[3])
+
+
+def test_a_rival_that_does_better_in_a_part_of_the_data_is_equivalent(fitted: tuple[TorqueBalance, Fit]) -> None:
+    """A torque that appears half way is neither of these constant ones: the larger one is right in the second half."""
+    balance, fit = fitted
+    mean = unfitted(balance, fit.axis.with_effect(BIAS.replace(bias=1.2)), fit.noise)
+    larger, far = rival(fitted, 95.0, BIAS.replace(bias=1.3)), rival(fitted, 85.0, BIAS.replace(bias=1.3))
+    assert _tied(balance, mean, 100.0, [larger, far]) == (larger,), "one that explains much less is no rival"
+    contest = Contest(1, Kind("imbalance"), fit, 100.0, 1.0, (larger, far), (larger,))
+    assert contest.equivalent == (larger,)
+
+
+def test_a_rival_that_is_worse_everywhere_is_not_equivalent(fitted: tuple[TorqueBalance, Fit]) -> None:
+    balance, fit = fitted
+    step = instance(effect("load_step"), {"step": 1.5, "time": STEP})
+    right = settle(balance, fit.axis.with_effect(BIAS.replace(bias=0.5)).with_effect(step), fit.noise, rounds=1)
+    bias = next(item for item in right.axis.effects if item.identity == BIAS.identity)
+    for way in (0.01, -0.01, 0.3):
+        off = right.axis.without_effect(bias).with_effect(bias.replace(bias=bias.values["bias"] + way))
+        other = Candidate(99.0, 20.0, replace(right, axis=off), as_start(bias))
+        assert _tied(balance, right, 100.0, [other]) == (), way
 
 
 def test_one_effect_through_two_signals_is_two_kinds(fitted: tuple[TorqueBalance, Fit]) -> None:

@@ -3,6 +3,9 @@
 In: a selection. Out: the fit in which every effect is the best for its place, and for each effect its `Contest`: all rivals
 fitted in its place, best first. A rival takes the place where it does better, or as well through the same recorded signal
 with fewer numbers.
+
+A rival is as good if the noise alone could make the difference. It also is if it explains nearly as much and does better in some
+piece of the data than noise allows: the effect in place is not the truth there, and what else is wrong may decide between them.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, settle
@@ -22,11 +26,11 @@ from tcs_friction.diagnose.search.candidates import (
     fitted_candidates,
     squares_gained,
 )
-from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
+from tcs_friction.diagnose.search.cross_validation import squares_as_fitted, with_best_confirmed
 from tcs_friction.diagnose.search.hypotheses import eligible, starts
 from tcs_friction.diagnose.search.plausibility import doubtful_size
 from tcs_friction.diagnose.search.projection import ProjectedResidual
-from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, threshold
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, ODDS, threshold
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
 from tcs_friction.diagnose.search.waves import wave_start
@@ -34,6 +38,7 @@ from tcs_friction.physics.terms import Instance
 
 FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 MOST_RIVALS = 6
+NEARLY = 0.9  # of an effect's gain, from which a rival that does better in a piece of the data is as good
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +46,8 @@ class Contest:
     """One chosen effect against others in its place.
 
     effect: its identity. kind: what it is. without: the fit without it. gain: its own, in units of the noise. same: difference of
-    gains below which two cannot be told apart. rivals: fitted in its place, best first.
+    gains below which two cannot be told apart. rivals: fitted in its place, best first. tied: those of them that
+    explain nearly as much, and in some piece of the data more.
     """
 
     effect: int
@@ -50,11 +56,14 @@ class Contest:
     gain: float
     same: float
     rivals: tuple[Candidate, ...]
+    tied: tuple[Candidate, ...] = ()
 
     @property
     def equivalent(self) -> tuple[Candidate, ...]:
         """Rivals of another kind that these data cannot tell from the effect, each kind once, best first."""
-        close = [rival for rival in self.rivals if rival.gain > self.gain - self.same]
+        close = [
+            rival for rival in self.rivals if rival.gain > self.gain - self.same or any(rival is one for one in self.tied)
+        ]
         first = {kind: rival for rival in reversed(close) for kind in rival.kinds if kind != self.kind}
         return tuple(rival for rival in close if any(rival is chosen for chosen in first.values()))
 
@@ -109,9 +118,27 @@ def contest_for_place(
         settled = settle(balance, winner.fit.axis, winner.fit.noise, rounds=1)
         (placed,) = (x for x in settled.axis.effects if x.identity == winner.items[0].identity)
         if doubtful_size(balance, settled, placed) is None:
-            others = tuple(rival for rival in rivals if rival is not winner)
-            return settled, Contest(placed.identity, kind_of(placed), alone, winner.gain, same, others)
-    return fit, Contest(item.identity, kind_of(item), alone, gain, same, tuple(rivals))
+            others = [rival for rival in rivals if rival is not winner]
+            tied = _tied(balance, winner.fit, winner.gain, others)
+            return settled, Contest(placed.identity, kind_of(placed), alone, winner.gain, same, tuple(others), tied)
+    tied = _tied(balance, fit, gain, rivals)
+    return fit, Contest(item.identity, kind_of(item), alone, gain, same, tuple(rivals), tied)
+
+
+def _tied(balance: TorqueBalance, fit: Fit, gain: float, rivals: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """The rivals that explain nearly as much as a fit with this gain, and in some piece of the data more than noise allows.
+
+    Were the fit true, a rival whose torque differs by d standard deviations of the noise would lose d^2 + 2 d e there, with e
+    normal; it gains x with a probability of at most that of e < -sqrt(x). Bonferroni's correction is for all pieces.
+    """
+    used = np.unique(balance.samples.pieces[balance.samples.rows])
+    by_noise = float(stats.norm.isf(1.0 / (ODDS * len(used)))) ** 2 * fit.squares.dispersion
+    own = squares_as_fitted(balance, fit).white
+
+    def gains_somewhere(rival: Candidate) -> bool:
+        return bool(np.max((own - squares_as_fitted(balance, rival.fit).white)[used]) > by_noise)
+
+    return tuple(rival for rival in rivals if rival.gain > NEARLY * gain and gains_somewhere(rival))
 
 
 def _through_the_same_signal(
