@@ -29,6 +29,7 @@ from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
+from tcs_friction.diagnose.remainder.maps import remaining_structure
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
 from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory
 from tcs_friction.diagnose.search.rivals import contested
@@ -131,5 +132,6 @@ def _explanation(
     chosen, lacking = lacks(balance, left.fit, believed)
     kept = Selection(selection.retuned, selection.base, chosen, selection.rounds)
     fit, contests = contested(balance, kept, progress)
-    improved = fit if left.structure is None else with_map(balance, fit, left.structure)
-    return Explanation(selection.retuned, fit, improved, left.structure, selection.rounds, contests, lacking)
+    structure = left.structure if fit is left.fit else remaining_structure(balance, fit, fit.noise)
+    improved = fit if structure is None else with_map(balance, fit, structure)
+    return Explanation(selection.retuned, fit, improved, structure, selection.rounds, contests, lacking)

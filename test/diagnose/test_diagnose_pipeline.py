@@ -5,13 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_loop_cases import telescope, telescope_file
+from concealed_torque_cases import conditioned, settled
 
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose import pipeline
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import settle
 from tcs_friction.diagnose.fit.noise import white_noise
-from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.diagnose.pipeline import _explanation, diagnose
+from tcs_friction.diagnose.remainder.remainder import remainder_of
+from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.errors import InputError
+from tcs_friction.physics.registry import effect
+from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
 
 
@@ -55,3 +62,15 @@ def test_a_recording_without_motion_is_refused() -> None:
     t = np.arange(0.0, 10.0, 1e-2)
     with pytest.raises(InputError, match="position never changes"):
         diagnose([Recording(t, np.zeros(len(t)), np.sin(t))], AxisFile(telescope_file().axis))
+
+
+def test_what_remains_is_asked_of_the_effects_that_won_their_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A load step wins the place of nothing: what remained without it is no longer there."""
+    step = instance(effect("load_step"), {"step": 1.5, "time": 40.37})
+    balance, plain = settled(conditioned(np.random.default_rng(1), lambda m: 1.5 * (m.t > 40.37), seconds=80.0))
+    won = settle(balance, plain.axis.with_effect(step), plain.noise, rounds=1)
+    left = remainder_of(balance, plain, plain)
+    assert left.structure is not None
+    monkeypatch.setattr(pipeline, "contested", lambda *_: (won, ()))
+    selection = Selection(plain, plain, plain)
+    assert _explanation(balance, plain.axis, selection, left, lambda *_: None).structure is None

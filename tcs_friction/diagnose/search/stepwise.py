@@ -97,7 +97,7 @@ def select_effects(
         candidates = [c for c in candidates if _kinds(c.fit.axis) not in refused]
         best = _worth_adding(balance, base, fit, candidates)
         if law_is_open or best is None or any(item.term.features for item in best.items):
-            law = _better_law(balance, fit, believed, excluded, 0.0 if best is None else best.score)
+            law = _better_law(balance, fit, believed, excluded, best)
             law_is_open = law is not None and number < MOST_LAWS
             if law is not None:
                 base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
@@ -137,17 +137,22 @@ def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Seque
 
 
 def _better_law(
-    balance: TorqueBalance, fit: Fit, believed: Axis, excluded: frozenset[str], score: float
+    balance: TorqueBalance, fit: Fit, believed: Axis, excluded: frozenset[str], effect: Candidate | None
 ) -> Fit | None:
-    """The fit with another friction law that does as well as an effect with this score, None where there is none.
+    """The fit with another friction law that does as well as the best effect, None where there is none.
 
-    Where the residual is as small as its noise no law is looked for.
+    If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law. Where
+    the residual is as small as its noise no law is looked for.
     """
     found = misfit(balance, balance.residual(fit.axis, fit.noise))
     if found < 1.0 + NOISE_SHARE:
         return None
     best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis, excluded), believed))
-    return None if best is None or best.score < score - DISTINGUISHABLE * found else best.fit
+    if best is None or effect is None:
+        return None if best is None else best.fit
+    simpler = len(effect.fit.free) < len(best.fit.free) and not any(item.term.features for item in effect.items)
+    needed = DISTINGUISHABLE * found if simpler else -DISTINGUISHABLE * found
+    return best.fit if best.score - effect.score >= needed else None
 
 
 def _without_added(axis: Axis, base: Axis) -> Axis:
