@@ -47,7 +47,7 @@ def test_the_library_is_in_what_is_installed(tmp_path: Path) -> None:
     build = ["egg_info", "--egg-base", str(tmp_path), "build", "--build-base", str(tmp_path / "b")]
     subprocess.run([sys.executable, "setup.py", "-q", *build], cwd=ROOT, check=True, capture_output=True)
     installed = next((tmp_path / "b").glob("lib*")) / "tcs_friction" / "report" / "assets"
-    assert {*SHA256, "README.md"} <= {path.name for path in installed.iterdir()}
+    assert {*SHA256, "README.md", "plots.js"} <= {path.name for path in installed.iterdir()}
 
 
 def test_the_library_is_found_in_a_zipped_package(tmp_path: Path) -> None:
