@@ -121,7 +121,7 @@ class Conclusions:
         """Friction against speed: measured, by the fit, and by the law's believed parameters, if given; None without motion."""
         problem, refined, fit = self.problem, self.refined, self.fit()
         size, counted = problem.law_size, problem.explained & (problem.weights > 0.0)
-        bins = speed_bins(fit.velocity, problem.acceleration, problem.motion.resolution, counted)
+        bins = speed_bins(fit.velocity, problem.motion.resolution, counted)
         if not bins.count:
             return None
         models = {IDENTIFIED: fit.friction_modelled}

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-BINS = 40  # each way
+BINS, LEAST_BINS = 40, 6  # each way
+ENOUGH = 8.0  # samples in a bin, if they spread evenly over both ways and directions
 FEWEST = 4  # samples in a bin that is shown
 DECADES = 4.0  # of speed at most that are told apart
 SLOW_SHARE = 0.03  # of the moving samples, which lie in the even part of the scale
 LINEAR_BINS = 3.0  # bins in the even part at least, each way
+LAG = 8  # samples, after which the noise of a low-passed acceleration has forgotten itself
 CLOUD = 4000  # samples that are shown by themselves
 UNCORRELATED = 0.05  # autocorrelation below which samples count as independent
 
@@ -96,12 +98,12 @@ class SpeedBins:
         return np.asarray(np.bincount(visited[inside], weights=weights, minlength=self.count), np.float64)
 
 
-def speed_bins(
-    velocity: Array, acceleration: Array, resolution: float, counted: NDArray[np.bool_] | None = None
-) -> SpeedBins:
-    """Bins for a motion, velocity and acceleration (n,).
+def speed_bins(velocity: Array, resolution: float, counted: NDArray[np.bool_] | None = None) -> SpeedBins:
+    """Bins for a motion (n,).
 
     resolution: speed that cannot be told from rest. counted (n,): samples that are used, by default all.
+    Whether an axis speeds up is seen from samples before and after: the noise of the acceleration, which is in the measured
+    friction too, must not decide on which side a sample counts.
     """
     counted = np.isfinite(velocity) if counted is None else counted & np.isfinite(velocity)
     counted = counted & (velocity != 0.0)
@@ -110,9 +112,12 @@ def speed_bins(
         return SpeedBins(np.full(len(velocity), -1, np.intp), np.zeros(0, bool), 1.0)
     fastest, moving = float(speed.max()), speed[speed > resolution]
     width = max(float(np.quantile(moving, SLOW_SHARE)) if len(moving) else 0.0, resolution, fastest * 10.0**-DECADES)
-    step = min(np.arcsinh(fastest / width) / BINS, np.arcsinh(1.0) / LINEAR_BINS)
+    bins = min(max(len(speed) / (4.0 * ENOUGH), LEAST_BINS), BINS)
+    step = min(np.arcsinh(fastest / width) / bins, np.arcsinh(1.0) / LINEAR_BINS)
     place = np.floor(np.arcsinh(velocity[counted] / width) / step)
-    grows = velocity[counted] * acceleration[counted] > 0.0
+    at = np.arange(len(velocity))
+    change = velocity[np.minimum(at + LAG, len(at) - 1)] - velocity[np.maximum(at - LAG, 0)]
+    grows = (velocity * change > 0.0)[counted]
     keys = np.stack([grows, place])
     found, index, counts = np.unique(keys, axis=1, return_inverse=True, return_counts=True)
     shown = counts >= FEWEST

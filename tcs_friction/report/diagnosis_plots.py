@@ -49,15 +49,28 @@ def ranked(evidence: Evidence) -> list[CoordinateCurve]:
 
 
 @drawn("message", "Left: what each model leaves of the torque in data that no fit has seen, and the noise floor, which no "
-       "model gets below. Right: what the retuned model leaves over the coordinate that tells most, with its 95 % band.")  # fmt: skip
+       "model gets below. Right: where the mismatch lives.")  # fmt: skip
 def draw_message(diagnosis: Mapping[str, Any], evidence: Evidence) -> Figure:
-    """Held-out residuals as bars, and the most telling curve of the atlas, if there is one."""
-    curves = ranked(evidence)[:1]
-    figure, grid = panels(1, 1 + len(curves), height=2.7, width=9.4, gridspec_kw={"width_ratios": [1.0, 1.15][: 1 + len(curves)]})
+    """Held-out residuals as bars; the largest effect by itself, or else the most telling curve of the atlas."""
+    where = bool(evidence.isolated or evidence.atlas)
+    figure, grid = panels(1, 1 + where, height=2.8, width=9.4, gridspec_kw={"width_ratios": [1.0, 1.15][: 1 + where]})
     _draw_sizes(grid[0], diagnosis["fit"], evidence.torque_unit)
-    for axes, curve in zip(grid[1:], curves, strict=True):
-        _draw_curve(axes, curve, evidence.torque_unit)
+    if evidence.isolated:
+        _draw_largest(grid[1], evidence)
+    elif evidence.atlas:
+        _draw_curve(grid[1], ranked(evidence)[0], evidence.torque_unit)
     return figure
+
+
+def _draw_largest(axes: Axes, evidence: Evidence) -> None:
+    item = max(evidence.isolated, key=lambda one: float(np.ptp(one.fitted)))
+    order = np.argsort(item.x, kind="stable")
+    axes.plot(item.x, item.residual, ".", ms=2, color=MUTED, label="measured, less all else")
+    line(axes, item.x[order], item.fitted[order], IMPROVED, "fitted", lw=2.0)
+    axes.set_ylim(*main_range(item.residual, 0.99, 1.5))
+    axes.set_title(item.title, color=IMPROVED)
+    label(axes, labelled(item.coordinate, item.unit), f"torque ({evidence.torque_unit})")
+    axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=0.9, edgecolor="none", markerscale=3)
 
 
 def _draw_sizes(axes: Axes, fit: Mapping[str, Any], unit: str) -> None:

@@ -23,9 +23,9 @@ def friction_by_speed(balance: TorqueBalance, fit: Fit, axes: Mapping[str, Axis]
     improved axis is that of the fit, whose covariance says how sure its friction is.
     """
     data = balance.data
-    velocity, acceleration = data.joined("velocity"), data.joined("acceleration")
+    velocity = data.joined("velocity")
     counted = (balance.train | balance.held_out) & ~data.resting
-    bins = speed_bins(velocity, acceleration, data.speed_threshold, counted)
+    bins = speed_bins(velocity, data.speed_threshold, counted)
     if not bins.count:
         return None
     models = {name: balance.terms.friction(axis) for name, axis in axes.items()}

@@ -47,7 +47,7 @@ def evidence_of(
     axis = fit.axis
     t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | balance.held_out)  # without the ends of stretches
     thin = counted[:: max(1, len(counted) // PLOTTED)]
-    peaks = counted[np.unique(np.concatenate([envelope(x[counted], PLOTTED // len(residuals)) for x in residuals.values()]))]
+    peaks = counted[np.unique(np.concatenate([envelope(x[counted], PLOTTED // 2) for x in residuals.values()]))]
     curves = (
         CoordinateCurve(e.coordinate, e.unit, e.x, e.mean, e.band, e.share, e.p_value) for e in located if len(e.x) > 1
     )

@@ -139,7 +139,7 @@
     stroke: () => css("--soft"),
     grid: { stroke: () => css("--grid"), width: 1 },
     ticks: { stroke: () => css("--grid"), width: 1, size: 5 },
-    space: upright ? 26 : 64,
+    space: upright ? 26 : 52,
     ...(upright ? { size: (_, words) => 16 + 7 * Math.max(5, ...(words || []).map((word) => (word || "").length)) } : { size: bare ? 8 : 30 }),
     ...(scale.ticks.length ? { splits: () => scale.ticks.map((tick) => tick[0]) } : {}),
     values: (_, splits) => splits.map((at) => {
