@@ -48,7 +48,7 @@ DARK = {
 SERIES = (IMPROVED, BELIEVED, TRUTH, OTHER, RETUNED, MEASURED, "#56b4e9", "#882255")
 
 STYLE: dict[str, Any] = {
-    "figure.dpi": 150,
+    "figure.dpi": 125,
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "axes.titlesize": 10.5,

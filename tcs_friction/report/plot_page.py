@@ -21,8 +21,8 @@ from tcs_friction.report.assets import plots_script, uplot_script, uplot_style
 from tcs_friction.report.figures import DARK
 from tcs_friction.report.plot import Array, Curve, Panel, Plot, Scale, Spacing, shown_limits
 
-LINE = 3000  # values of a line that a page keeps
-CLOUD = 4000  # values of a cloud of points
+LINE = 2400  # values of a line that a page keeps
+CLOUD = 2500  # values of a cloud of points
 DIGITS = 5  # of what a panel shows
 PIXELS = 84  # of the page to an inch of the picture
 NUMBERS = 40  # pixels more where numbers and label of x stand below
