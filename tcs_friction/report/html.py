@@ -47,6 +47,8 @@ figure{margin:1rem 0;break-inside:avoid}
 figure img{display:block;width:100%;height:auto;background:#fff;border:1px solid var(--line);
 border-radius:8px;padding:.4rem}
 figcaption{font-size:.9rem;color:var(--soft);margin-top:.3rem;max-width:52rem}
+@media screen and (prefers-color-scheme:dark){figure img{filter:invert(.9) hue-rotate(180deg)}}
+@media screen and (max-width:40rem){figure img{width:auto;min-width:30rem;max-width:none}}
 @media print{body{max-width:none;padding:0;font-size:11pt}h2{break-after:avoid}tr{break-inside:avoid}}
 """
 
@@ -143,7 +145,7 @@ def picture(drawn: Picture) -> Html:
         return Html(plot_figure(drawn.plot, drawn.png))
     data = base64.b64encode(drawn.png).decode("ascii")
     image = f'<img alt="{html.escape(drawn.caption)}" src="data:image/png;base64,{data}">'
-    return Html(f"<figure>{image}<figcaption>{text(drawn.caption)}</figcaption></figure>")
+    return Html(f'<figure><div class="wide">{image}</div><figcaption>{text(drawn.caption)}</figcaption></figure>')
 
 
 def page(title: str, sentence: str, *parts: str, remark: str = "") -> str:
