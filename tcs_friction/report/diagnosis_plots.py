@@ -24,6 +24,7 @@ from tcs_friction.report.figures import (
     line,
     panels,
     picture_of,
+    thin,
 )
 from tcs_friction.report.friction_speed import Shown, draw_friction_by_speed
 from tcs_friction.report.plot import Curve, Panel, Plot, Rule, Scale, main_range
@@ -39,6 +40,7 @@ FAR_APART = 30.0
 """Ratio of residuals, from which their bars are drawn by decades."""
 
 MOST_CURVES = 9
+MOST_IN_MESSAGE = 2  # effects
 COLORS = {"believed": BELIEVED, "retuned": RETUNED, "improved": IMPROVED}
 WORDS = {"believed": "as believed", "retuned": "same physics, retuned", "improved": "with the physics found"}
 
@@ -49,28 +51,29 @@ def ranked(evidence: Evidence) -> list[CoordinateCurve]:
 
 
 @drawn("message", "Left: what each model leaves of the torque in data that no fit has seen, and the noise floor, which no "
-       "model gets below. Right: where the mismatch lives.")  # fmt: skip
+       "model gets below. Right: where the mismatch lives; measured torque less all else (grey), fitted (blue).")  # fmt: skip
 def draw_message(diagnosis: Mapping[str, Any], evidence: Evidence) -> Figure:
-    """Held-out residuals as bars; the largest effect by itself, or else the most telling curve of the atlas."""
-    where = bool(evidence.isolated or evidence.atlas)
-    figure, grid = panels(1, 1 + where, height=2.8, width=9.4, gridspec_kw={"width_ratios": [1.0, 1.15][: 1 + where]})
+    """Held-out residuals as bars; the largest effects by themselves, or else the most telling curve of the atlas."""
+    largest = sorted(evidence.isolated, key=lambda one: -float(np.mean(np.square(one.fitted))))[:MOST_IN_MESSAGE]
+    curves = [] if largest else ranked(evidence)[:1]
+    beside = len(largest) + len(curves)
+    ratios = [1.0, *[1.2 if beside == 1 else 0.85] * beside]
+    figure, grid = panels(1, 1 + beside, height=2.8, width=9.4, gridspec_kw={"width_ratios": ratios})
     _draw_sizes(grid[0], diagnosis["fit"], evidence.torque_unit)
-    if evidence.isolated:
-        _draw_largest(grid[1], evidence)
-    elif evidence.atlas:
-        _draw_curve(grid[1], ranked(evidence)[0], evidence.torque_unit)
+    for axes, item in zip(grid[1:], largest, strict=False):
+        _draw_effect(axes, item, evidence.torque_unit)
+    for axes, curve in zip(grid[1:], curves, strict=False):
+        _draw_curve(axes, curve, evidence.torque_unit)
     return figure
 
 
-def _draw_largest(axes: Axes, evidence: Evidence) -> None:
-    item = max(evidence.isolated, key=lambda one: float(np.ptp(one.fitted)))
-    order = np.argsort(item.x, kind="stable")
-    axes.plot(item.x, item.residual, ".", ms=2, color=MUTED, label="measured, less all else")
-    line(axes, item.x[order], item.fitted[order], IMPROVED, "fitted", lw=2.0)
-    axes.set_ylim(*main_range(item.residual, 0.99, 1.5))
-    axes.set_title(item.title, color=IMPROVED)
-    label(axes, labelled(item.coordinate, item.unit), f"torque ({evidence.torque_unit})")
-    axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=0.9, edgecolor="none", markerscale=3)
+def _draw_effect(axes: Axes, item: Isolated, torque_unit: str) -> None:
+    order, few = np.argsort(item.x, kind="stable"), thin(len(item.x), 3000)
+    axes.plot(item.x[few], item.residual[few], ".", ms=2, color=MUTED)
+    line(axes, item.x[order], item.fitted[order], IMPROVED, lw=2.0)
+    axes.set_ylim(*main_range(item.residual, 0.99, 1.4))
+    axes.set_title(item.title, color=IMPROVED, fontsize=9.0)
+    label(axes, labelled(item.coordinate, item.unit), f"torque ({torque_unit})")
 
 
 def _draw_sizes(axes: Axes, fit: Mapping[str, Any], unit: str) -> None:

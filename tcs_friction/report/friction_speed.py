@@ -88,10 +88,11 @@ def _model(found: TorqueBySpeed, key: str, model: Shown, unit: float) -> list[Cu
     torque, std = found.models[key].torque, found.models[key].std
     curves = []
     for bins, way, grows in _ways(found):
-        low, high = (None, None) if std is None else (torque[bins] - 2.0 * std[bins], torque[bins] + 2.0 * std[bins])
-        curves.append(
-            Curve(f"{model.name}, {way}", model.color, found.speed[bins] * unit, torque[bins], dashed=grows, low=low, high=high)
-        )
+        zero = int(np.searchsorted(found.speed[bins], 0.0))  # a gap: friction does not go through zero in a straight line
+        speed, here = np.insert(found.speed[bins] * unit, zero, 0.0), np.insert(torque[bins], zero, np.nan)
+        reach = None if std is None else 2.0 * np.insert(std[bins], zero, np.nan)
+        low, high = (None, None) if reach is None else (here - reach, here + reach)
+        curves.append(Curve(f"{model.name}, {way}", model.color, speed, here, dashed=grows, low=low, high=high))
     return curves
 
 
