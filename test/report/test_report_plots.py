@@ -214,6 +214,30 @@ PROBE = """<script>addEventListener("load", () => {
 })</script></body>"""
 
 
+HAND = """<script>addEventListener("load", async () => {
+  const over = document.querySelector(".u-over"), box = over.getBoundingClientRect(), said = [];
+  const middle = box.top + 0.5 * box.height;
+  const at = (share) => ({ bubbles: true, clientX: box.left + share * box.width, clientY: middle, movementX: 1 });
+  const send = async (kind, share, target = over) => {
+    target.dispatchEvent(new MouseEvent(kind, at(share)));
+    await new Promise((done) => setTimeout(done, 50));
+  };
+  const read = async () => {
+    await send("mousemove", 0.5);
+    said.push([...document.querySelectorAll(".u-legend")].map((one) => one.querySelector(".u-value").textContent));
+  };
+  await send("mouseenter", 0.5);
+  await read();
+  await send("mousedown", 0.6);
+  await send("mousemove", 0.8);
+  await send("mouseup", 0.8, document);
+  await read();
+  await send("dblclick", 0.5);
+  await read();
+  document.body.dataset.probe = JSON.stringify({ said });
+})</script></body>"""
+
+
 def probed(dom: str) -> dict[str, Any]:
     parser = Elements()
     parser.feed(dom)
@@ -232,6 +256,21 @@ def test_a_browser_draws_the_plots_and_takes_names_as_text(browser: str, tmp_pat
     assert found["canvases"] == 3
     assert found["title"] == "Title"
     assert HOSTILE in found["labels"]
+
+
+def test_a_drag_zooms_all_panels_of_a_plot_and_a_double_click_goes_back(browser: str, tmp_path: Path) -> None:
+    whole, zoomed, back = probed(seen(browser, tmp_path, page_of(long_plot()).replace("</body>", HAND)))["said"]
+    assert all(text.endswith(" s") for text in whole + zoomed)
+    seconds = [[float(text.removesuffix(" s")) for text in row] for row in (whole, zoomed, back)]
+    np.testing.assert_allclose(seconds, [[150.0] * 2, [210.0] * 2, [150.0] * 2], atol=1.5)
+
+
+def test_a_printed_page_holds_the_picture(browser: str, tmp_path: Path) -> None:
+    plot = scatter_plot()
+    width = int.from_bytes(drawn_plot(plot).png[16:20], "big")
+    printed = tmp_path / "page.pdf"
+    seen(browser, tmp_path, page_of(plot), f"--print-to-pdf={printed}")
+    assert f"/Width {width}".encode() in printed.read_bytes()
 
 
 def test_paper_and_pages_without_scripts_get_the_picture(browser: str, tmp_path: Path) -> None:

@@ -217,8 +217,8 @@
       row.style.gridTemplateColumns = content.widths.slice(0, panels.length).map((share) => `minmax(0,${share}fr)`).join(" ");
       for (const panel of panels) {
         const cell = element(row, "cell");
-        if (panel.title) {
-          const title = element(cell, "title", panel.title);
+        if (panels.some((other) => other.title)) {
+          const title = element(cell, "title", panel.title || "\u00a0");  // what lies side by side begins at the same height
           if (panel.titleColor) title.style.color = tone(panel.titleColor);
         }
         const group = content.linked ? shared : [];
