@@ -22,7 +22,7 @@ from tcs_friction.report.plot_page import kept, plot_data, short
 from tcs_friction.report.plot_picture import drawn_plot
 
 LARGEST = 2_000_000  # bytes of a page
-HOSTILE = "</script><script>document.title='broken'</script><img src=x onerror=\"document.title='broken'\">&\u2028"
+HOSTILE = "</script x></script><script>document.title='broken'</script><img src=x onerror=\"document.title='broken'\">&\u2028"
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 T = np.linspace(0.0, 300.0, 300_000)
