@@ -130,7 +130,9 @@
   });
 
   // `bare`: another panel below has the same x and its numbers.
-  const axis = (scale, upright, bare = false) => ({
+  // Linked panels have axes of one width, so that the same x lies below the same x.
+  const WIDTH = 76;
+  const axis = (scale, upright, bare = false, linked = false) => ({
     label: bare ? undefined : scale.label,
     font: FONT,
     labelFont: FONT,
@@ -140,11 +142,12 @@
     grid: { stroke: () => css("--grid"), width: 1 },
     ticks: { stroke: () => css("--grid"), width: 1, size: 5 },
     space: upright ? 26 : 52,
-    ...(upright ? { size: (_, words) => 16 + 7 * Math.max(5, ...(words || []).map((word) => (word || "").length)) } : { size: bare ? 8 : 30 }),
+    ...(upright ? { size: (_, words) => linked ? WIDTH : 16 + 7 * Math.max(5, ...(words || []).map((word) => (word || "").length)) } : { size: bare ? 8 : 30 }),
     ...(scale.ticks.length ? { splits: () => scale.ticks.map((tick) => tick[0]) } : {}),
     values: (_, splits) => splits.map((at) => {
       if (at === null || bare) return null;
       const named = scale.ticks.find((tick) => tick[0] === at);
+      if (scale.spacing === "log" && Number(at.toPrecision(1)) !== Number(at.toPrecision(6))) return "";
       return named ? named[1] : number(at, 6);
     }),
   });
@@ -168,12 +171,12 @@
     };
   }
 
-  function options(panel, cell, height, group, key, bare) {
+  function options(panel, cell, height, group, key, bare) {  // key: of linked panels
     return {
       width: cell.clientWidth,
       height,
       scales: { x: scale(panel.x), y: scale(panel.y) },
-      axes: [axis(panel.x, false, bare), axis(panel.y, true)],
+      axes: [axis(panel.x, false, bare), axis(panel.y, true, false, key !== null)],
       series: [{ label: panel.x.name, value: (_, value) => told(value, panel.x) }, ...panel.curves.map((c) => series(c, panel.y))],
       legend: {
         show: true,
