@@ -41,6 +41,7 @@ FAR_APART = 30.0
 
 MOST_CURVES = 9
 MOST_IN_MESSAGE = 2  # effects
+SHOWN = 1500  # samples of an effect by itself: a page with many effects stays small
 COLORS = {"believed": BELIEVED, "retuned": RETUNED, "improved": IMPROVED}
 WORDS = {"believed": "as believed", "retuned": "same physics, retuned", "improved": "with the physics found"}
 
@@ -68,7 +69,7 @@ def draw_message(diagnosis: Mapping[str, Any], evidence: Evidence) -> Figure:
 
 
 def _draw_effect(axes: Axes, item: Isolated, torque_unit: str) -> None:
-    order, few = np.argsort(item.x, kind="stable"), thin(len(item.x), 3000)
+    order, few = np.argsort(item.x, kind="stable"), thin(len(item.x), SHOWN)
     axes.plot(item.x[few], item.residual[few], ".", ms=2, color=MUTED)
     line(axes, item.x[order], item.fitted[order], IMPROVED, lw=2.0)
     axes.set_ylim(*main_range(item.residual, 0.99, 1.4))
@@ -209,12 +210,12 @@ def draw_friction(evidence: Evidence) -> Picture | None:
 
 def draw_isolated(item: Isolated, index: int, evidence: Evidence) -> Picture:
     """What is left over the effect's own coordinate when the rest is taken away, and the fit."""
-    reach = main_range(item.residual, 0.995, 1.4)
+    reach, few = main_range(item.residual, 0.995, 1.4), thin(len(item.x), SHOWN)
     panel = Panel(
         Scale(plain(item.coordinate), item.unit),
         Scale("torque", evidence.torque_unit, limits=reach),
         (
-            Curve("left when the rest is taken away", MUTED, item.x, item.residual, points=True, size=1.3),
+            Curve("left when the rest is taken away", MUTED, item.x[few], item.residual[few], points=True, size=1.3),
             Curve(f"{item.title}, fitted", IMPROVED, item.x, item.fitted, size=1.8),
         ),
     )

@@ -193,3 +193,13 @@ def test_friction_against_speed_is_drawn_where_there_is_motion(
     assert "Friction against speed" in document
     assert "believed, slowing down" in document
     assert (tmp_path / "friction_speed.png").stat().st_size > 1000
+
+
+def test_a_page_with_many_effects_stays_small(diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path) -> None:
+    t = np.linspace(0.0, 300.0, 9000)
+    noise = np.random.default_rng(1).standard_normal(len(t))
+    item = Isolated("cogging", "cogging", "position", "rad", np.sin(t / 5.0), np.cos(t) + noise, np.cos(t))
+    curves = tuple(curve(f"coordinate_{k}", np.linspace(0.0, 300.0, 60), 0.5, 1e-4) for k in range(9))
+    series = replace(evidence, t=t, believed=noise, retuned=noise[::-1], improved=-noise, held_out=t > 250.0)
+    many = replace(series, isolated=(item,) * 6, atlas=curves)
+    assert write_report(tmp_path, diagnosis, many).stat().st_size < 2_000_000

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import subprocess
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -98,7 +97,7 @@ def test_lines_over_the_same_x_keep_the_same_samples() -> None:
 
 
 def test_a_page_of_six_long_plots_stays_small() -> None:
-    document = page_of(*[replace(long_plot(), name=f"torque_{k}") for k in range(6)])
+    document = page("Title", "A sentence.", *[picture(drawn_plot(long_plot()))] * 6)
     assert len(document.encode()) < LARGEST
 
 
