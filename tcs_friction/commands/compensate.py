@@ -2,7 +2,7 @@
 
 The axis is simulated as its file describes it, under the file's own controller: without compensation, with the friction law's,
 with each effect's beside it, with all. Where a diagnosis is given, only what it names is cancelled, and its standard deviations
-say how sure the gain is. Writes DIR/compensation.json, a picture and DIR/report.html.
+say how sure the gain is. Writes DIR/compensation.json, pictures and DIR/report.html.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tcs_friction.report.compensation import sentence, text_table, to_mapping, w
 from tcs_friction.report.diagnosis_files import told_by
 from tcs_friction.writable import output_directory
 
-WRITTEN = ("compensation.json", "report.html", "compensation.png")
+WRITTEN = ("compensation.json", "report.html", "compensation.png", "tracking_error.png")
 NO_DEVIATIONS = "how sure the parameters are is not known (--diagnosis gives it)"
 
 

@@ -15,12 +15,14 @@ from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Errors, Estimate, Fit
 from tcs_friction.identify.sharpen import Sharpened
 from tcs_friction.identify.uncertainty import block_bootstrap, correlations, cramer_rao, sandwich
+from tcs_friction.numerics.by_speed import TorqueBySpeed, linear_std, speed_bins, torque_by_speed
 from tcs_friction.physics.terms import unit_on
 
 LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
 UNCERTAINTIES = ("sandwich", "bootstrap")
 BOUND_LAGS = 60  # of the residual's autocovariance
 BOOTSTRAP_SEED = 0
+IDENTIFIED, BELIEVED = "identified", "believed"  # models in friction against speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +116,21 @@ class Conclusions:
             problem.times, problem.velocity, problem.target, modelled,
             problem.target - rest, modelled - rest, bounds,
         )  # fmt: skip
+
+    def by_speed(self, believed: Mapping[str, float]) -> TorqueBySpeed | None:
+        """Friction against speed: measured, by the fit, and by the law's believed parameters, if given; None without motion."""
+        problem, refined, fit = self.problem, self.refined, self.fit()
+        size, counted = problem.law_size, problem.explained & (problem.weights > 0.0)
+        bins = speed_bins(fit.velocity, problem.motion.resolution, counted)
+        if not bins.count:
+            return None
+        models = {IDENTIFIED: fit.friction_modelled}
+        if set(believed) == set(problem.names[:size]):
+            unknowns = refined.unknowns.copy()
+            unknowns[:size] = [believed[name] for name in problem.names[:size]]
+            models[BELIEVED] = problem.torque(unknowns) - (fit.modelled - fit.friction_modelled)
+        std = linear_std(bins, refined.jacobian[:, :size], self.covariance[:size, :size])
+        return torque_by_speed(bins, fit.velocity, fit.friction_measured, models, {IDENTIFIED: std}, IDENTIFIED)
 
     def correlation(self) -> tuple[tuple[str, ...], np.ndarray]:
         """Names and correlations (p, p) of the free unknowns without initial bristle torques."""

@@ -141,6 +141,7 @@ def identify(
         outcome=refined.outcome if polish else found.outcome,
         history=found.history,
         fit=concluded.fit(),
+        by_speed=concluded.by_speed(believed),
         correlation=concluded.correlation(),
         bound=concluded.bounds(),
         seed=seed,

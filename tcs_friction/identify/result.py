@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tcs_friction.numerics.by_speed import TorqueBySpeed
 from tcs_friction.numerics.outcome import Outcome
 
 SCHEMA = "tcs_friction/identification/1"
@@ -93,7 +94,7 @@ class Identification:
     "negative"), without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns.
     bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
     profiles: profile likelihoods by name, where asked for. history: best cost per generation of the global search.
-    outcome: how the search ended.
+    outcome: how the search ended. by_speed: friction against speed, for pictures; None where there is no motion.
     """
 
     law: str
@@ -115,6 +116,7 @@ class Identification:
     seed: int = 0
     notes: tuple[str, ...] = ()
     profiles: Mapping[str, Profile] = field(default_factory=dict)
+    by_speed: TorqueBySpeed | None = None
 
     def __post_init__(self) -> None:
         for name in ("parameters", "directions", "bound", "profiles"):

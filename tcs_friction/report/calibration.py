@@ -6,28 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.identify.dob_calibration import Calibration
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.terms import unit_on
 from tcs_friction.report import published
-from tcs_friction.report.figures import (
-    BELIEVED,
-    IMPROVED,
-    MEASURED,
-    TRUTH,
-    Array,
-    drawn,
-    label,
-    legend,
-    line,
-    panels,
-)
+from tcs_friction.report.figures import BELIEVED, IMPROVED, MEASURED, TRUTH, Array, Picture
 from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
 from tcs_friction.report.numbers import with_error
+from tcs_friction.report.plot import Curve, Panel, Plot, Scale
+from tcs_friction.report.plot_picture import drawn_plot
 
 
 def write_report(
@@ -51,8 +40,8 @@ def write_report(
     document = page(
         "Calibration of the friction observer",
         sentence(found),
+        picture(image),
         numbers,
-        section("Observed and measured", picture(image)),
         section("What was found", parameter_table(found, before, kind)),
         *notes,
         remark=", ".join(sources),
@@ -74,24 +63,27 @@ def _percent(value: float) -> str:
     return f"{100.0 * value:.2f} %"
 
 
-@drawn("calibration", "Friction observed and friction measured by the dynamometer; below, the difference before and after "
-       "calibration. Shaded: uniform motion, from which scale and offset come. Q's delay is taken out.")  # fmt: skip
-def draw_calibration(found: Calibration, kind: str) -> Figure:
+def draw_calibration(found: Calibration, kind: str) -> Picture:
     """Series on top, difference below."""
-    t = _joined(found.t)
-    unit = unit_on(kind, "N m")
-    figure, (top, bottom) = panels(2, height=2.2, sharex=True)
-    line(top, t, found.measured, TRUTH, "dynamometer", lw=2.4)
-    line(top, t, found.after, MEASURED, "observed, calibrated")
-    line(bottom, t, found.before - found.measured, BELIEVED, "not calibrated")
-    line(bottom, t, found.after - found.measured, IMPROVED, "calibrated")
-    for axes in (top, bottom):
-        _shade(axes, t, found.uniform)
-    label(top, "", f"friction ({unit})")
-    label(bottom, "time (s)", f"difference ({unit})")
-    legend(top)
-    legend(bottom)
-    return figure
+    t, unit, time = _joined(found.t), unit_on(kind, "N m"), Scale("time", "s")
+    spans = tuple((float(t[start]), float(t[stop - 1])) for start, stop in runs(found.uniform))
+    series = (
+        Curve("dynamometer", TRUTH, t, found.measured, size=2.4),
+        Curve("observed, calibrated", MEASURED, t, found.after),
+    )
+    differences = (
+        Curve("not calibrated", BELIEVED, t, found.before - found.measured),
+        Curve("calibrated", IMPROVED, t, found.after - found.measured),
+    )
+    rows = (
+        (Panel(time, Scale("friction", unit), series, spans=spans),),
+        (Panel(time, Scale("difference", unit), differences, spans=spans),),
+    )
+    caption = (
+        "Friction observed and friction measured by the dynamometer; below, the difference before and after calibration. "
+        "Shaded: uniform motion, from which scale and offset come. Q's delay is taken out."
+    )
+    return drawn_plot(Plot("calibration", caption, rows, heights=(2.2,), linked=True))
 
 
 def _joined(t: Array) -> Array:
@@ -99,11 +91,6 @@ def _joined(t: Array) -> Array:
     steps = np.diff(t)
     steps[steps <= 0.0] = float(np.median(steps))
     return np.concatenate([[t[0]], t[0] + np.cumsum(steps)])
-
-
-def _shade(axes: Axes, t: Array, where: np.ndarray) -> None:
-    for start, stop in runs(where):
-        axes.axvspan(t[start], t[stop - 1], color="#0072b2", alpha=0.07, lw=0)
 
 
 def parameter_table(found: Calibration, before: ObserverSettings, kind: str) -> Html:

@@ -254,8 +254,9 @@ def write_report(directory: Path, result: CommissionResult) -> Path:
     document = page(
         f"Commissioning of {result.axis}",
         sentence(result),
+        picture(errors),
         key_numbers(_numbers(result, before, after)),
-        section("Tracking error", picture(errors), table(*tables(result), "Table 3, ours and the paper's")),
+        section("Tracking error", table(*tables(result), "Table 3, ours and the paper's")),
         *found,
         section("Over frequency", picture(spectra)),
         section("Friction", picture(friction), _parameters(result)),

@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 from tcs_friction.control.tracking import ARCSEC
 from tcs_friction.control.worth import ALL, IDEAL, LAW, NOTHING, Stage, Worth
 from tcs_friction.physics.axis import Axis
-from tcs_friction.report.figures import BELIEVED, IMPROVED, MUTED, TRUTH, drawn, label, legend, line, panels
+from tcs_friction.report.figures import BELIEVED, IMPROVED, MUTED, TRUTH, Picture, drawn, label, panels
 from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
 from tcs_friction.report.numbers import aligned
+from tcs_friction.report.plot import Curve, Panel, Plot, Scale
+from tcs_friction.report.plot_picture import drawn_plot
 
 SCHEMA = "tcs_friction/compensation/1"
 
@@ -80,9 +82,9 @@ def text_table(found: Worth, axis: Axis) -> str:
 
 
 def write_report(directory: Path, found: Worth, axis: Axis, reference: str, notes: Sequence[str] = ()) -> Path:
-    """Write DIR/report.html and its picture; returns the page's path."""
+    """Write DIR/report.html and its pictures; returns the page's path."""
     scale, unit = unit_of_error(axis)
-    image = draw(found, axis)
+    image, over_time = draw(found, axis), draw_errors(found, axis)
     law, after = found.stage(LAW), found.stage(ALL)
     numbers = [
         Number("friction law alone", f"{law.rms / scale:.3g} {unit}", "rms tracking error"),
@@ -98,30 +100,23 @@ def write_report(directory: Path, found: Worth, axis: Axis, reference: str, note
     document = page(
         f"What compensation is worth on axis {axis.name}",
         sentence(found, axis),
+        picture(image),
         key_numbers(numbers),
-        section("Tracking error", picture(image)),
+        section("Tracking error", picture(over_time)),
         section("Each effect by itself", table(head, rows(found, axis), caption)),
         *hindered,
         *([section("Notes", *notes)] if notes else []),
         remark=f"predicted on {reference}; the axis is simulated as its file describes it",
     )
-    return write_page(directory / "report.html", document, [image])
+    return write_page(directory / "report.html", document, [image, over_time])
 
 
-@drawn("compensation", "Tracking error over the run with the friction law cancelled and with all that is known, and its rms "
-       "in each way to compensate (bars: 5 to 95 % of the draws).")  # fmt: skip
+@drawn("compensation", "Rms of the tracking error in each way to compensate (bars: 5 to 95 % of the draws).")
 def draw(found: Worth, axis: Axis) -> Figure:
-    """Error over time above, rms of every stage below."""
+    """Rms of every stage."""
     scale, unit = unit_of_error(axis)
-    figure, (over_time, bars) = panels(2, height=2.6)
-    for name, color, words in ((LAW, BELIEVED, "friction law"), (ALL, IMPROVED, "law and all effects")):
-        run = found.stage(name).run
-        counted = run.t >= found.settle
-        error = (run.reference - run.true_position)[counted] / scale
-        line(over_time, run.t[counted], error, color, words, lw=0.9)
-    label(over_time, "time (s)", f"tracking error ({unit})")
-    legend(over_time)
     stages = found.stages
+    figure, (bars,) = panels(height=1.2 + 0.34 * len(stages))
     sizes = np.array([stage.rms / scale for stage in stages])
     ends = np.array([stage.between or (stage.rms, stage.rms) for stage in stages]).T / scale
     reach = np.abs(np.stack([sizes - np.minimum(ends[0], sizes), np.maximum(ends[1], sizes) - sizes]))
@@ -136,5 +131,18 @@ def draw(found: Worth, axis: Axis) -> Figure:
     for place, size, high in zip(places, sizes, np.maximum(ends[1], sizes), strict=True):
         bars.annotate(f" {size:.3g}", (high, place), va="center", fontsize=8.5, xytext=(3, 0), textcoords="offset points")
     label(bars, f"rms tracking error ({unit})", "")
-    figure.set_size_inches(figure.get_figwidth(), 2.6 + 0.6 + 0.34 * len(stages) + 0.6)
     return figure
+
+
+def draw_errors(found: Worth, axis: Axis) -> Picture:
+    """Error over the run with the friction law cancelled and with all that is known."""
+    scale, unit = unit_of_error(axis)
+    curves = []
+    for name, color, words in ((LAW, BELIEVED, "friction law"), (ALL, IMPROVED, "law and all effects")):
+        run = found.stage(name).run
+        counted = run.t >= found.settle
+        error = (run.reference - run.true_position)[counted] / scale
+        curves.append(Curve(words, color, run.t[counted], error, size=0.9))
+    panel = Panel(Scale("time", "s"), Scale("tracking error", unit), tuple(curves))
+    caption = "Tracking error over the run with the friction law cancelled and with all that is known."
+    return drawn_plot(Plot("tracking_error", caption, ((panel,),)))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import io
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tcs_friction.config import write_bytes
+from tcs_friction.numerics.envelope import envelope
+from tcs_friction.report.plot import Plot
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")
@@ -34,10 +35,20 @@ IMPROVED = "#0072b2"  # after, with compensation, the model with the missing phy
 TRUTH = "#009e73"
 OTHER = "#aa4499"
 MUTED = "#a8b0b8"
+DARK = {
+    MEASURED: "#c9d1d9",
+    BELIEVED: "#ff8a3d",
+    RETUNED: "#e3b341",
+    IMPROVED: "#6cb8ea",
+    TRUTH: "#2cc295",
+    OTHER: "#d98ad0",
+    MUTED: "#6e7984",
+}
+"""The same colours on dark paper; others stay what they are."""
 SERIES = (IMPROVED, BELIEVED, TRUTH, OTHER, RETUNED, MEASURED, "#56b4e9", "#882255")
 
 STYLE: dict[str, Any] = {
-    "figure.dpi": 150,
+    "figure.dpi": 125,
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "axes.titlesize": 10.5,
@@ -59,17 +70,15 @@ STYLE: dict[str, Any] = {
     "savefig.facecolor": "white",
 }
 
-FINEST = 4000
-"""Points of a line beyond which no picture shows more."""
-
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: file name without ending, what it shows, and the PNG."""
+    """A drawn figure: file name without ending, what it shows, the PNG, and the plot that it is of, if it is of one."""
 
     name: str
     caption: str
     png: bytes
+    plot: Plot | None = None
 
     def save(self, folder: Path) -> Path:
         """Write NAME.png into the folder, whole or not at all."""
@@ -129,19 +138,6 @@ def line(axes: Axes, x: Array, y: Array, color: str, name: str | None = None, **
     axes.plot(x[at], y[at], color=color, label=name, **kwargs)
 
 
-def envelope(y: Array, most: int = FINEST) -> NDArray[np.intp]:
-    """Indices, in order, of at most `most` samples of y (n,): least and greatest of every stretch."""
-    if len(y) <= most:
-        return np.arange(len(y))
-    edges = np.linspace(0, len(y), most // 2 + 1).astype(int)
-    kept = {int(edges[0]), len(y) - 1}
-    for start, stop in itertools.pairwise(edges):
-        piece = y[start:stop]
-        if np.isfinite(piece).any():
-            kept.update((start + int(np.nanargmin(piece)), start + int(np.nanargmax(piece))))
-    return np.array(sorted(kept))
-
-
-def thin(count: int, most: int = FINEST) -> slice:
+def thin(count: int, most: int = 4000) -> slice:
     """A slice that takes at most about `most` of `count` samples, for scatter plots."""
     return slice(None, None, max(1, count // most))

@@ -1,7 +1,7 @@
-"""One self-contained HTML page: a sentence on top, key numbers, sections with text, tables and pictures.
+"""One self-contained HTML page: a sentence on top, key numbers, sections with text, tables, plots and pictures.
 
-The page needs nothing beside itself: style and pictures are inside. It prints, and follows the reader's light
-or dark setting. Text given as `str` is escaped; what these functions return is `Html` and is taken as it is.
+The page needs nothing beside itself: style, pictures, and the script that makes plots move are inside. It prints, and follows the
+reader's light or dark setting. Text given as `str` is escaped; what these functions return is `Html` and is taken as it is.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from pathlib import Path
 
 from tcs_friction.config import write_whole
 from tcs_friction.report.figures import Picture
+from tcs_friction.report.plot_page import MARK, plot_figure, plot_foot, plot_head
 
 STYLE = """
 :root{color-scheme:light dark;--ink:#1b1f24;--soft:#59636e;--paper:#fff;--card:#f5f7f9;--line:#d5dbe1;
---accent:#0072b2;--good:#00704f;--bad:#b34700}
+--accent:#0072b2;--good:#00704f;--bad:#b34700;--panel:#fff;--grid:#e3e7eb;--span:#eceff2;--select:rgba(0,114,178,.15)}
 @media(prefers-color-scheme:dark){:root{--ink:#e4e8ec;--soft:#a3adb8;--paper:#15181c;
---card:#1e2328;--line:#39414a;--accent:#6cb8ea;--good:#4cc9a0;--bad:#ff9a5c}}
+--card:#1e2328;--line:#39414a;--accent:#6cb8ea;--good:#4cc9a0;--bad:#ff9a5c;--panel:#1a1e22;--grid:#2d343b;--span:#252b31;
+--select:rgba(108,184,234,.2)}}
 *{box-sizing:border-box}
 body{margin:0 auto;padding:2rem 1.2rem 4rem;max-width:62rem;background:var(--paper);color:var(--ink);
 font:16px/1.5 system-ui,-apple-system,"Segoe UI","DejaVu Sans",sans-serif}
@@ -45,6 +47,8 @@ figure{margin:1rem 0;break-inside:avoid}
 figure img{display:block;width:100%;height:auto;background:#fff;border:1px solid var(--line);
 border-radius:8px;padding:.4rem}
 figcaption{font-size:.9rem;color:var(--soft);margin-top:.3rem;max-width:52rem}
+@media screen and (prefers-color-scheme:dark){figure img{filter:invert(.9) hue-rotate(180deg)}}
+@media screen and (max-width:40rem){figure img{width:auto;min-width:30rem;max-width:none}}
 @media print{body{max-width:none;padding:0;font-size:11pt}h2{break-after:avoid}tr{break-inside:avoid}}
 """
 
@@ -136,22 +140,24 @@ def _is_number(entry: str | Cell) -> bool:
 
 
 def picture(drawn: Picture) -> Html:
-    """A picture inside the page, with its caption."""
+    """A picture inside the page, with its caption; one of a plot can be zoomed and read off on a screen."""
+    if drawn.plot is not None:
+        return Html(plot_figure(drawn.plot, drawn.png))
     data = base64.b64encode(drawn.png).decode("ascii")
     image = f'<img alt="{html.escape(drawn.caption)}" src="data:image/png;base64,{data}">'
-    return Html(f"<figure>{image}<figcaption>{text(drawn.caption)}</figcaption></figure>")
+    return Html(f'<figure><div class="wide">{image}</div><figcaption>{text(drawn.caption)}</figcaption></figure>')
 
 
 def page(title: str, sentence: str, *parts: str, remark: str = "") -> str:
     """The whole document: `title` in the tab and above, `sentence` the message, `remark` small under it."""
     small = note(remark) if remark else ""
+    body = "\n".join(part if isinstance(part, Html) else paragraph(part) for part in parts)
+    head, foot = (plot_head(), plot_foot()) if MARK in body else ("", "")
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{text(title)}</title>'
-        f"<style>{STYLE}</style></head>\n<body><header><h1>{text(title)}</h1>"
-        f'<p class="sentence">{text(sentence)}</p>{small}</header>\n'
-        + "\n".join(part if isinstance(part, Html) else paragraph(part) for part in parts)
-        + "\n</body></html>\n"
+        f"<style>{STYLE}</style>{head}</head>\n<body><header><h1>{text(title)}</h1>"
+        f'<p class="sentence">{text(sentence)}</p>{small}</header>\n{body}\n{foot}</body></html>\n'
     )
 
 

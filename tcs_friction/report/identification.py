@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tcs_friction.identify.comparison import Comparison
+from tcs_friction.identify.conclusions import BELIEVED as BELIEVED_LAW
+from tcs_friction.identify.conclusions import IDENTIFIED
 from tcs_friction.identify.result import Estimate, Identification
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.figures import (
@@ -17,13 +18,13 @@ from tcs_friction.report.figures import (
     IMPROVED,
     MEASURED,
     MUTED,
+    Picture,
     drawn,
     label,
     legend,
-    line,
     panels,
-    thin,
 )
+from tcs_friction.report.friction_speed import Shown, draw_friction_by_speed
 from tcs_friction.report.html import (
     Cell,
     Html,
@@ -37,6 +38,8 @@ from tcs_friction.report.html import (
     write_page,
 )
 from tcs_friction.report.numbers import with_error
+from tcs_friction.report.plot import Curve, Panel, Plot, Rule, Scale, Spacing, main_range
+from tcs_friction.report.plot_picture import drawn_plot
 from tcs_friction.report.profiles import draw_profiles, profile_table
 
 
@@ -48,10 +51,11 @@ def write_report(
 ) -> Path:
     """Write DIR/report.html and its pictures; returns the page's path."""
     time, speed, costs = draw_torque(found), draw_friction(found), draw_costs(found)
-    pictures = [time, speed, costs]
+    pictures = [time, costs, *([speed] if speed else [])]
     parts: list[Html] = [
+        *([picture(speed)] if speed else []),
         key_numbers(_numbers(found)),
-        section("Measured and modelled", picture(time), picture(speed)),
+        section("Measured and modelled", picture(time)),
         section("Parameters", parameter_table(found), _undetermined_note(found), *_directions(found)),
     ]
     if comparison is not None:
@@ -108,10 +112,6 @@ def _every(found: Identification) -> Mapping[str, Estimate]:
     return {**found.parameters, "inertia": found.inertia, "offset": found.offset}
 
 
-def _speed_unit(found: Identification) -> str:
-    return "m/s" if found.inertia.unit == "kg" else "rad/s"
-
-
 def _numbers(found: Identification) -> list[Number]:
     unit = found.offset.unit
     return [
@@ -123,23 +123,20 @@ def _numbers(found: Identification) -> list[Number]:
     ]
 
 
-@drawn("torque", "Torque over time, measured and modelled, and the residual between them at its own scale.")
-def draw_torque(found: Identification) -> Figure:
+def draw_torque(found: Identification) -> Picture:
     """Torque on top, residual below."""
-    fit, unit = found.fit, found.offset.unit
-    figure, (top, bottom) = panels(2, height=2.3, sharex=True, gridspec_kw={"height_ratios": [1.4, 1]})
-    time = _joined_time(found)
-    line(top, time, fit.measured, MEASURED, "measured", lw=1.6)
-    line(top, time, fit.modelled, IMPROVED, f"{found.law}", lw=0.9)
-    line(bottom, time, fit.residual, BELIEVED, lw=0.7)
-    for axes in (top, bottom):
-        for start in fit.bounds[1:-1]:
-            axes.axvline(time[start], color=MUTED, lw=0.8, ls=":")
-    label(top, "", f"torque ({unit})")
-    label(bottom, "time (s)", f"residual ({unit})")
-    bottom.set_ylim(*_within(fit.residual))
-    legend(top)
-    return figure
+    fit, unit, time = found.fit, found.offset.unit, _joined_time(found)
+    scale = Scale("time", "s")
+    joints = tuple(Rule(float(time[start]), MUTED, across="x") for start in fit.bounds[1:-1])
+    measured = Curve("measured", MEASURED, time, fit.measured, size=1.6)
+    modelled = Curve(found.law, IMPROVED, time, fit.modelled, size=0.9)
+    left = Curve("residual", BELIEVED, time, fit.residual, size=0.7)
+    rows = (
+        (Panel(scale, Scale("torque", unit), (measured, modelled), rules=joints),),
+        (Panel(scale, Scale("residual", unit, limits=main_range(fit.residual)), (left,), rules=joints),),
+    )
+    caption = "Torque over time, measured and modelled, and the residual between them at its own scale."
+    return drawn_plot(Plot("torque", caption, rows, heights=(2.7, 1.9), linked=True))
 
 
 def _joined_time(found: Identification) -> np.ndarray:
@@ -151,51 +148,21 @@ def _joined_time(found: Identification) -> np.ndarray:
     return t
 
 
-def _within(values: np.ndarray) -> tuple[float, float]:
-    """Limits that show all but the most extreme thousandth."""
-    spread = 1.5 * float(np.percentile(np.abs(values), 99.9)) or 1.0
-    return -spread, spread
+def draw_friction(found: Identification) -> Picture | None:
+    """Friction against speed and what the fit leaves of it; None of a recording without motion."""
+    if found.by_speed is None:
+        return None
+    shown = {BELIEVED_LAW: Shown("believed", BELIEVED), IDENTIFIED: Shown(found.law, IMPROVED)}
+    return draw_friction_by_speed(found.by_speed, shown, IDENTIFIED, found.offset.unit, found.inertia.unit != "kg")
 
 
-@drawn("friction", "Friction against speed, measured (torque less inertia and other terms) and modelled; on the right "
-       "close to zero speed.")  # fmt: skip
-def draw_friction(found: Identification) -> Figure:
-    """The whole range of speeds on the left, the range around zero on the right."""
-    fit = found.fit
-    figure, (whole, close) = panels(1, 2, height=3.3, width=9.4, gridspec_kw={"width_ratios": [1.4, 1]})
-    few = thin(len(fit.t), 12000)
-    speed = fit.velocity[few]
-    near = 0.06 * float(np.abs(fit.velocity).max())
-    for axes, keep in ((whole, np.full(len(speed), True)), (close, np.abs(speed) < near)):
-        v, measured, modelled = (
-            speed[keep],
-            fit.friction_measured[few][keep],
-            fit.friction_modelled[few][keep],
-        )
-        axes.plot(v, measured, ".", ms=1.8, color=MUTED, label="measured")
-        axes.plot(v, modelled, ".", ms=1.8, color=IMPROVED, label=found.law)
-        label(axes, f"speed ({_speed_unit(found)})", "")
-    whole.set_ylim(*_within(fit.friction_measured))
-    whole.set_ylabel(f"friction ({found.offset.unit})")
-    _big_legend(whole)
-    return figure
-
-
-def _big_legend(axes: Axes) -> None:
-    legend(axes)
-    for handle in axes.get_legend().legend_handles:  # type: ignore[union-attr]
-        handle.set_markersize(7)  # type: ignore[union-attr]
-
-
-@drawn("cost", "Best cost of each generation of the global search.")
-def draw_costs(found: Identification) -> Figure:
+def draw_costs(found: Identification) -> Picture:
     """Best cost (half sum of squares) per generation."""
-    figure, (axes,) = panels(height=2.4)
-    axes.plot(np.arange(1, len(found.history) + 1), found.history, color=IMPROVED)
-    if len(found.history) and found.history[0] > 10.0 * found.history[-1] > 0.0:
-        axes.set_yscale("log")
-    label(axes, "generation", f"best cost (({found.offset.unit})²)")
-    return figure
+    generations = np.arange(1.0, len(found.history) + 1.0)
+    falls = bool(len(found.history) and found.history[0] > 10.0 * found.history[-1] > 0.0)
+    cost = Scale("best cost", f"({found.offset.unit})²", Spacing.LOG if falls else Spacing.LINEAR)
+    panel = Panel(Scale("generation"), cost, (Curve("best cost", IMPROVED, generations, found.history),))
+    return drawn_plot(Plot("cost", "Best cost of each generation of the global search.", ((panel,),), heights=(2.4,)))
 
 
 @drawn("correlation", "Correlation of the estimates: pairs near ±1 cannot be told apart by this data.")

@@ -6,24 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter, NullFormatter
 
 from tcs_friction.identify.plant_response import SECOND_ORDER, TWO_INERTIAS, PlantModel, Response
 from tcs_friction.physics.terms import unit_on
-from tcs_friction.report.figures import (
-    BELIEVED,
-    IMPROVED,
-    MEASURED,
-    MUTED,
-    Array,
-    drawn,
-    label,
-    legend,
-    panels,
-)
+from tcs_friction.report.figures import BELIEVED, IMPROVED, MEASURED, MUTED, Array, Picture
 from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
 from tcs_friction.report.numbers import with_error
+from tcs_friction.report.plot import Curve, Panel, Plot, Scale, Spacing
+from tcs_friction.report.plot_picture import drawn_plot
 
 NAMES = {SECOND_ORDER: "eq. 10's form", TWO_INERTIAS: "two inertias"}
 CLEARLY = 0.7  # of the other form's misfit, for a resonance to be believed
@@ -52,8 +42,8 @@ def write_report(
     document = page(
         "Frequency response from torque to speed",
         sentence(models, kind),
+        picture(image),
         key_numbers(numbers),
-        section("Measured and fitted", picture(image)),
         section("Parameters", *tables),
         *remarks,
         remark=", ".join(sources),
@@ -94,40 +84,38 @@ def sentence(models: Sequence[PlantModel], kind: str) -> str:
     )
 
 
-@drawn("response", "Frequency response from torque to speed, measured (grey: incoherent; bars: twice the standard "
-       "deviation) and fitted, with the coherence.")  # fmt: skip
-def draw_response(measured: Response, models: Sequence[PlantModel], kind: str) -> Figure:
+def draw_response(measured: Response, models: Sequence[PlantModel], kind: str) -> Picture:
     """Gain, phase, coherence."""
-    figure, (gain, phase, likeness) = panels(
-        3, height=2.0, sharex=True, gridspec_kw={"height_ratios": [1.5, 1, 0.6]}
-    )
-    sure, frequency = measured.sure, measured.frequency
+    sure, every = measured.sure, measured.frequency
     amplitude = np.abs(sure.response)
-    gain.loglog(frequency, np.abs(measured.response), ".", color=MUTED, ms=3)
-    bars = np.minimum(2.0 * sure.std, 0.9) * amplitude
-    gain.errorbar(sure.frequency, amplitude, bars, fmt=".", ms=4, lw=0.8, color=MEASURED, label="measured")
-    phase.semilogx(frequency, _degrees(measured.response), ".", color=MUTED, ms=3)
-    phase.semilogx(sure.frequency, _degrees(sure.response), ".", color=MEASURED, ms=4)
-    likeness.semilogx(frequency, measured.coherence, color=MEASURED, lw=1.0)
-    fine = np.geomspace(frequency[0], frequency[-1], 600)
-    styles = ((BELIEVED, "--"), (IMPROVED, "-"))
-    for model, (color, style) in zip(models, styles, strict=True):
-        curve = model.at(fine)
-        gain.loglog(fine, np.abs(curve), style, color=color, lw=1.2, label=NAMES[model.form])
-        phase.semilogx(fine, _degrees(curve), style, color=color, lw=1.2)
-    gain.set_ylim(0.5 * amplitude.min(), 2.0 * amplitude.max())
-    unit = unit_on(kind, "rad/s per N m")
-    label(gain, "", f"gain ({unit})")
-    label(phase, "", "phase (deg)")
-    phase.set_yticks([-180, -90, 0, 90])
-    label(likeness, "frequency (Hz)", "coherence")
-    likeness.set_ylim(0.0, 1.05)
-    likeness.xaxis.set_major_formatter("{x:g}")
-    likeness.xaxis.set_minor_formatter(
-        LogFormatter(minor_thresholds=(2.0, 0.5)) if frequency[-1] < 99.0 * frequency[0] else NullFormatter()
+    reach = np.minimum(2.0 * sure.std, 0.9) * amplitude
+    low, high = amplitude - reach, amplitude + reach
+    gains = [
+        Curve("incoherent", MUTED, every, np.abs(measured.response), points=True, size=1.5),
+        Curve("measured", MEASURED, sure.frequency, amplitude, points=True, size=2.5, low=low, high=high),
+    ]
+    phases = [
+        Curve("incoherent", MUTED, every, _degrees(measured.response), points=True, size=1.5),
+        Curve("measured", MEASURED, sure.frequency, _degrees(sure.response), points=True, size=2.5),
+    ]
+    fine = np.geomspace(every[0], every[-1], 600)
+    for model, (color, dashed) in zip(models, ((BELIEVED, True), (IMPROVED, False)), strict=True):
+        curve, name = model.at(fine), NAMES[model.form]
+        gains.append(Curve(name, color, fine, np.abs(curve), dashed=dashed))
+        phases.append(Curve(name, color, fine, _degrees(curve), dashed=dashed))
+    frequency = Scale("frequency", "Hz", Spacing.LOG)
+    limits = (0.5 * float(amplitude.min()), 2.0 * float(amplitude.max())) if len(amplitude) else None
+    gain = Scale("gain", unit_on(kind, "rad/s per N m"), Spacing.LOG, limits=limits)
+    rows = (
+        (Panel(frequency, gain, tuple(gains)),),
+        (Panel(frequency, Scale("phase", "deg"), tuple(phases)),),
+        (Panel(frequency, Scale("coherence", limits=(0.0, 1.05)), (Curve("coherence", MEASURED, every, measured.coherence),)),),
     )
-    legend(gain)
-    return figure
+    caption = (
+        "Frequency response from torque to speed, measured (grey: incoherent; bars: twice the standard deviation) and fitted, "
+        "with the coherence."
+    )
+    return drawn_plot(Plot("response", caption, rows, heights=(3.0, 2.0, 1.2), linked=True))
 
 
 def _degrees(response: np.ndarray) -> Array:

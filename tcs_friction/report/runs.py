@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import welch
 
@@ -27,23 +26,14 @@ from tcs_friction.control.tracking import (
     reversals,
     tracking_errors,
 )
-from tcs_friction.report.figures import (
-    BELIEVED,
-    IMPROVED,
-    MEASURED,
-    MUTED,
-    TRUTH,
-    Array,
-    drawn,
-    label,
-    legend,
-    line,
-    panels,
-)
+from tcs_friction.report.figures import BELIEVED, IMPROVED, MEASURED, MUTED, TRUTH, Array, Picture
+from tcs_friction.report.plot import Curve, Panel, Plot, Scale, Spacing
+from tcs_friction.report.plot_picture import drawn_plot
 
 DEGREE = np.pi / 180.0
 """One degree in rad."""
 SMOOTHING = 0.1  # s
+TIME = Scale("time", "s")
 NEAR = 1.5  # s to either side of a reversal that is looked at closely
 
 
@@ -88,15 +78,12 @@ class FrictionRun:
     simulated: Array | None = None  # by the identified law
 
 
-@drawn("speed", "Speed of the axis over the run: wanted and measured.")
-def draw_speed(run: TrackingRun) -> Figure:
+def draw_speed(run: TrackingRun) -> Picture:
     """Measured speed under wanted speed."""
-    figure, (axes,) = panels()
-    line(axes, run.t, run.velocity / DEGREE, MUTED, "measured")
-    line(axes, run.t, run.reference_velocity / DEGREE, MEASURED, "wanted")
-    label(axes, "time (s)", "speed (deg/s)")
-    legend(axes)
-    return figure
+    measured = Curve("measured", MUTED, run.t, run.velocity / DEGREE)
+    wanted = Curve("wanted", MEASURED, run.t, run.reference_velocity / DEGREE)
+    panel = Panel(TIME, Scale("speed", "deg/s"), (measured, wanted))
+    return drawn_plot(Plot("speed", "Speed of the axis over the run: wanted and measured.", ((panel,),)))
 
 
 @dataclass(frozen=True)
@@ -108,35 +95,33 @@ class Stage:
     run: TrackingRun
 
 
-@drawn("tracking_error", "Tracking error in each stage of compensation: the whole run, and its mean over 0.1 s about a reversal.")
-def draw_errors(stages: Sequence[Stage]) -> Figure:
+def draw_errors(stages: Sequence[Stage]) -> Picture:
     """Error in time, without compensation first; on the right its mean over SMOOTHING about a reversal, without that stage."""
-    figure, (whole, close) = panels(1, 2, height=3.2, width=9.4, gridspec_kw={"width_ratios": [1.7, 1]})
     first = stages[0].run
     crossings = reversals(first.t, first.reference_velocity)[:, 0]
     inside = crossings[crossings < first.t[-1] - NEAR]
     center = float(inside[-1] if len(inside) else first.t[-1])
-    for stage in stages:
-        line(whole, stage.run.t, stage.run.error / ARCSEC, stage.color, stage.name, lw=0.9)
+    whole = tuple(Curve(stage.name, stage.color, stage.run.t, stage.run.error / ARCSEC, size=0.9) for stage in stages)
+    close = []
     for stage in stages[1:]:
         near = np.abs(stage.run.t - center) < NEAR
-        line(close, stage.run.t[near], smoothed(stage.run.t, stage.run.error)[near] / ARCSEC, stage.color, lw=1.1)
-    label(whole, "time (s)", "tracking error (arcsec)")
-    label(close, f"time (s); mean over {SMOOTHING:g} s", "")
-    figure.legend(*whole.get_legend_handles_labels(), loc="outside upper left", ncols=4)
-    return figure
+        mean = smoothed(stage.run.t, stage.run.error)[near] / ARCSEC
+        close.append(Curve(stage.name, stage.color, stage.run.t[near], mean, size=1.1))
+    panels = (
+        Panel(TIME, Scale("tracking error", "arcsec"), whole),
+        Panel(TIME, Scale(f"mean over {SMOOTHING:g} s", "arcsec"), tuple(close), "about a reversal"),
+    )
+    caption = "Tracking error in each stage of compensation: the whole run, and its mean over 0.1 s about a reversal."
+    return drawn_plot(Plot("tracking_error", caption, (panels,), heights=(3.2,), widths=(1.7, 1.0)))
 
 
-@drawn("tracking_spectrum", "Tracking error over frequency in each stage of compensation.")
-def draw_spectra(stages: Sequence[Stage]) -> Figure:
+def draw_spectra(stages: Sequence[Stage]) -> Picture:
     """Amplitude density of the error."""
-    figure, (axes,) = panels(height=3.0)
-    for stage in stages:
-        frequency, density = spectrum(stage.run)
-        axes.loglog(frequency, density, color=stage.color, label=stage.name, lw=1.0)
-    label(axes, "frequency (Hz)", "tracking error (arcsec/√Hz)")
-    legend(axes)
-    return figure
+    curves = tuple(Curve(stage.name, stage.color, *spectrum(stage.run), size=1.0) for stage in stages)
+    density = Scale("tracking error", "arcsec/√Hz", Spacing.LOG)
+    panel = Panel(Scale("frequency", "Hz", Spacing.LOG), density, curves)
+    caption = "Tracking error over frequency in each stage of compensation."
+    return drawn_plot(Plot("tracking_spectrum", caption, ((panel,),), heights=(3.0,)))
 
 
 def spectrum(run: TrackingRun) -> tuple[Array, Array]:
@@ -165,33 +150,31 @@ def simulated_friction(t: Array, velocity: Array, parameters: LugreParameters) -
     return friction
 
 
-@drawn("friction", "Friction against time and against speed (its mean over 0.1 s).")
-def draw_friction(run: FrictionRun) -> Figure:
+def draw_friction(run: FrictionRun) -> Picture:
     """Friction in time on the left, over speed on the right."""
-    figure, (left, right) = panels(1, 2, height=3.3, width=9.4, gridspec_kw={"width_ratios": [1.5, 1]})
     every: list[tuple[Array | None, str, str, float]] = [
         (run.truth, TRUTH, "true", 3.0),
         (run.observed, MEASURED, "observed", 1.2),
         (run.simulated, IMPROVED, "identified law", 1.0),
     ]
-    for values, color, name, width in every:
-        if values is not None:
-            line(left, run.t, values, color, name, lw=width)
-            right.plot(smoothed(run.t, run.velocity) / DEGREE, values, color=color, lw=width)
-    label(left, "time (s)", "friction (N m)")
-    label(right, "speed (deg/s)", "")
-    legend(left)
-    return figure
+    known = [(values, color, name, width) for values, color, name, width in every if values is not None]
+    speed = smoothed(run.t, run.velocity) / DEGREE
+    in_time = tuple(Curve(name, color, run.t, values, size=width) for values, color, name, width in known)
+    over_speed = tuple(Curve(name, color, speed, values, points=True, size=1.0 + 0.4 * w) for values, color, name, w in known)
+    panels = (
+        Panel(TIME, Scale("friction", "N m"), in_time),
+        Panel(Scale("speed", "deg/s", also=("rad/s", DEGREE)), Scale("friction", "N m"), over_speed),
+    )
+    caption = "Friction against time and against speed (its mean over 0.1 s)."
+    return drawn_plot(Plot("friction", caption, (panels,), heights=(3.3,), widths=(1.5, 1.0)))
 
 
-@drawn("cost", "Best cost of each generation of the search.")
-def draw_costs(costs: Mapping[str, Array]) -> Figure:
+def draw_costs(costs: Mapping[str, Array]) -> Picture:
     """Best cost (half sum of squares, (N m)²) per generation of each method, name -> (generations,)."""
     colors = (IMPROVED, BELIEVED, TRUTH)
-    figure, (axes,) = panels()
-    for (name, values), color in zip(costs.items(), colors, strict=False):
-        axes.semilogy(np.arange(1, len(values) + 1), values, color=color, label=name)
-    label(axes, "generation", "best cost ((N m)²)")
-    if len(costs) > 1:
-        legend(axes)
-    return figure
+    curves = tuple(
+        Curve(name, color, np.arange(1.0, len(values) + 1.0), values)
+        for (name, values), color in zip(costs.items(), colors, strict=False)
+    )
+    panel = Panel(Scale("generation"), Scale("best cost", "(N m)²", Spacing.LOG), curves)
+    return drawn_plot(Plot("cost", "Best cost of each generation of the search.", ((panel,),)))

@@ -64,18 +64,23 @@ def test_residuals_are_thinned_and_as_long_as_each_other(fitted: tuple[TorqueBal
     np.testing.assert_array_equal(found.held_out, balance.held_out[at])
     np.testing.assert_array_equal(found.retuned, balance.residual(fit.axis, fit.noise)[at])
     assert np.std(found.improved) < 0.5 * np.std(found.retuned)
+    counted = balance.residual(fit.axis, fit.noise)[balance.train | balance.held_out]
+    assert (found.retuned.min(), found.retuned.max()) == (counted.min(), counted.max()), "no peak is lost"
     assert (found.torque_unit, found.position_unit, found.notes) == ("N m", "rad", ("a note",))
 
 
 def test_an_effect_by_itself_is_its_torque_and_what_all_leave(fitted: tuple[TorqueBalance, Fit]) -> None:
     found = drawn(fitted, COGGING, BIAS, WIND)
     wave, bias, wind = found.isolated
+    balance, fit = fitted
+    counted = np.flatnonzero(balance.train | balance.held_out)
+    at = counted[:: max(1, len(counted) // PLOTTED)]
+    left = balance.residual(replace(fit.axis, effects=(COGGING, BIAS, WIND)), fit.noise)
     for one in found.isolated:
-        np.testing.assert_allclose(one.residual - one.fitted, found.improved, atol=1e-9)
-        assert len(one.x) == len(found.t)
+        np.testing.assert_allclose(one.residual - one.fitted, left[at], atol=1e-9)
     np.testing.assert_allclose(bias.fitted, 1.0, atol=1e-4)
-    data = fitted[0].data
-    speed, at = data.stretches[0].signals[1], np.searchsorted(data.joined("t"), found.t)
+    data = balance.data
+    speed = data.stretches[0].signals[1]
     expected = data.narrowed(0.5 * speed * np.abs(speed))  # as every torque is
     np.testing.assert_allclose(wind.fitted, expected[at], atol=1e-3)
     np.testing.assert_allclose(wave.fitted, 2.0 * np.cos(30.0 * wave.x), atol=0.1)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identify_cases import INERTIA, LUGRE, SPEED, axis_of, recording, series
+from identify_cases import INERTIA, LUGRE, PERIOD, SPEED, axis_of, recording, series, walked
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from tcs_friction.config import load_axis
@@ -60,6 +60,30 @@ def test_lugre_inertia_and_offset_from_a_wrong_belief() -> None:
     assert found.outcome is Outcome.CONVERGED
     for way in ("positive", "negative"):
         assert found.directions[way]["coulomb"].value == pytest.approx(78.1, rel=0.02)
+
+
+def test_friction_against_speed_is_the_true_law_within_its_errors() -> None:
+    truth = axis_of()
+    recorded = recording(truth, seconds=96.0, offset=2.5)
+    found = identify([recorded], axis_of(WRONG, inertia=1300.0)).by_speed
+    assert found is not None
+    t = recorded.t
+    amplitude = SPEED * PERIOD / (2.0 * np.pi)
+    position = -amplitude * np.cos(2.0 * np.pi * t / PERIOD)
+    velocity, friction = SPEED * np.sin(2.0 * np.pi * t / PERIOD), walked(truth.friction, t, position)
+    slowing = ~found.speeding_up & (np.abs(found.speed) > 1e-4) & (np.abs(found.speed) < 0.98 * SPEED)
+    for sign in (-1.0, 1.0):
+        branch = (velocity * np.gradient(velocity) < 0.0) & (sign * velocity > 0.0) & (t > PERIOD)
+        order = np.argsort(velocity[branch])
+        bins = slowing & (sign * found.speed > 0.0)
+        true = np.interp(found.speed[bins], velocity[branch][order], friction[branch][order])
+        std = found.models["identified"].std
+        assert std is not None
+        assert bins.sum() > 7
+        within = 4.0 * np.hypot(found.error, std)[bins] + 0.003 * np.abs(true)  # of a bin in which friction bends
+        assert (np.abs(found.measured[bins] - true) < within).all()
+        assert (np.abs(found.models["identified"].torque[bins] - true) < within).all()
+    assert np.abs(found.residual("believed")).max() > 20.0
 
 
 @pytest.mark.parametrize("law", OTHER_LAWS)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pytest
 
 from tcs_friction.diagnose.outcome.plot_data import CoordinateCurve, Evidence, Isolated, Map, RunnerUp
-from tcs_friction.report.diagnosis import draw_series, write_report
-from tcs_friction.report.figures import STYLE
+from tcs_friction.numerics.by_speed import speed_bins, torque_by_speed
+from tcs_friction.report.diagnosis import write_report
+from tcs_friction.report.diagnosis_plots import draw_series
 from tcs_friction.report.numbers import unbroken
 
 RANDOM = np.random.default_rng(0)
@@ -133,17 +132,19 @@ def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence,
     ):
         assert words in document
     assert document.index("every 0.0873 rad") < document.index("7.15 Hz")  # more telling, with a smaller share
-    assert {entry.stem for entry in tmp_path.glob("*.png")} == {"where", "before_after", "effect_1_cogging"}
+    assert {entry.stem for entry in tmp_path.glob("*.png")} == {"message", "where", "before_after", "effect_1_cogging"}
 
 
 @pytest.mark.parametrize(("times", "same"), [(1.0, True), (20.0, False)])
-def test_a_belief_far_off_does_not_hide_the_others(times: float, same: bool, evidence: Evidence) -> None:
-    with matplotlib.rc_context(STYLE):
-        figure = inspect.unwrap(draw_series)(replace(evidence, believed=times * evidence.believed), 0.3)
-    first, second, third = (axes.get_ylim() for axes in figure.axes)
+def test_a_belief_far_off_does_not_hide_the_others(
+    times: float, same: bool, diagnosis: dict[str, Any], evidence: Evidence
+) -> None:
+    plot = draw_series(replace(evidence, believed=times * evidence.believed), diagnosis["fit"]).plot
+    assert plot is not None
+    first, second, third = (panel.y.limits for panel in plot.panels)
     assert second == third
     assert (first == second) is same
-    assert ("at a scale of its own" in figure.axes[0].get_title(loc="left")) is not same
+    assert ("at a scale of its own" in plot.panels[0].title) is not same
 
 
 @pytest.mark.parametrize("axes", [1, 2])
@@ -179,3 +180,26 @@ def test_a_residual_well_above_the_noise_is_not_called_good(
     bad = write_report(tmp_path / "b", diagnosis, evidence).read_text(encoding="utf-8")
     assert 'class="number good"' in good
     assert 'class="number good"' not in bad
+
+
+def test_friction_against_speed_is_drawn_where_there_is_motion(
+    diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path
+) -> None:
+    velocity = 0.06 * np.cos(T / 5.0)
+    friction = 60.0 * np.sign(velocity) + 500.0 * velocity
+    models = {"believed": 0.9 * friction, "retuned": friction, "improved": friction}
+    found = torque_by_speed(speed_bins(velocity, 1e-5), velocity, friction + NOISE, models, {}, "improved")
+    document = write_report(tmp_path, diagnosis, replace(evidence, friction=found)).read_text(encoding="utf-8")
+    assert "Friction against speed" in document
+    assert "believed, slowing down" in document
+    assert (tmp_path / "friction_speed.png").stat().st_size > 1000
+
+
+def test_a_page_with_many_effects_stays_small(diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path) -> None:
+    t = np.linspace(0.0, 300.0, 9000)
+    noise = np.random.default_rng(1).standard_normal(len(t))
+    item = Isolated("cogging", "cogging", "position", "rad", np.sin(t / 5.0), np.cos(t) + noise, np.cos(t))
+    curves = tuple(curve(f"coordinate_{k}", np.linspace(0.0, 300.0, 60), 0.5, 1e-4) for k in range(9))
+    series = replace(evidence, t=t, believed=noise, retuned=noise[::-1], improved=-noise, held_out=t > 250.0)
+    many = replace(series, isolated=(item,) * 6, atlas=curves)
+    assert write_report(tmp_path, diagnosis, many).stat().st_size < 2_000_000

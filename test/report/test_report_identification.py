@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from tcs_friction.identify.comparison import Comparison, Row
+from tcs_friction.identify.conclusions import IDENTIFIED
 from tcs_friction.identify.refine import Outcome
 from tcs_friction.identify.result import Errors, Estimate, Fit, Identification
+from tcs_friction.numerics.by_speed import speed_bins, torque_by_speed
 from tcs_friction.report.identification import sentence, write_report
 
 T = np.linspace(0.0, 20.0, 2000)
@@ -45,6 +47,9 @@ def found() -> Identification:
         correlation=(("coulomb", "viscous"), np.array([[1.0, -0.9], [-0.9, 1.0]])),
         bound={"coulomb": 0.4},
         notes=("a note",),
+        by_speed=torque_by_speed(
+            speed_bins(VELOCITY, 1e-5), VELOCITY, FRICTION + noise, {IDENTIFIED: FRICTION}, {}, IDENTIFIED
+        ),
     )
 
 
@@ -72,7 +77,7 @@ def test_page_gives_errors_reasons_and_directions(found: Identification, tmp_pat
     ):
         assert words in document
     assert "Friction laws compared" not in document
-    assert {entry.stem for entry in tmp_path.glob("*.png")} == {"torque", "friction", "cost", "correlation"}
+    assert {entry.stem for entry in tmp_path.glob("*.png")} == {"torque", "friction_speed", "cost", "correlation"}
 
 
 def test_laws_are_compared_best_first(found: Identification, tmp_path: Path) -> None:
@@ -81,3 +86,16 @@ def test_laws_are_compared_best_first(found: Identification, tmp_path: Path) -> 
     document = write_report(tmp_path, found, (), comparison).read_text(encoding="utf-8")
     assert document.index(">dahl_viscous<") < document.index(">coulomb_viscous<")
     assert (tmp_path / "laws.png").is_file()
+
+
+def test_friction_against_speed_comes_first_in_the_units_of_the_axis(found: Identification, tmp_path: Path) -> None:
+    document = write_report(tmp_path / "a", found).read_text(encoding="utf-8")
+    assert document.index("Friction against speed") < document.index("held out")
+    assert '"label":"speed (m/s)"' in document
+    rotary = replace(found, inertia=replace(found.inertia, unit="kg m^2"))
+    assert '"label":"speed (deg/s)"' in write_report(tmp_path / "b", rotary).read_text(encoding="utf-8")
+
+
+def test_without_motion_there_is_no_friction_against_speed(found: Identification, tmp_path: Path) -> None:
+    document = write_report(tmp_path, replace(found, by_speed=None)).read_text(encoding="utf-8")
+    assert "Friction against speed" not in document

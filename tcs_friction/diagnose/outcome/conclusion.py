@@ -22,6 +22,7 @@ from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.free_run import moves_worse, typical, usable_horizon, window_errors
+from tcs_friction.diagnose.outcome.friction_speed import friction_by_speed
 from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
@@ -99,6 +100,7 @@ class _Conclusion:
                 located,
                 self._notes(),
                 self.explanation.lacks,
+                friction_by_speed(self.balance, fit, axes),
             ),
         )
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcs_friction.numerics.by_speed import TorqueBySpeed
+
 Array = NDArray[np.float64]
 
 
@@ -68,7 +70,8 @@ class Evidence:
     """The arrays behind a diagnosis.
 
     t (n,) s with the torque residuals (n,) of the model as believed, retuned, improved; `held_out` (n,) bool
-    marks what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as recorded.
+    marks what no fit or choice saw. Decimated is fine. `torque_unit` is N m, N, A, ... as recorded. friction: against speed,
+    with the models believed, retuned and improved; None without motion.
     """
 
     t: Array
@@ -83,3 +86,4 @@ class Evidence:
     torque_unit: str = "N m"
     position_unit: str = "rad"
     notes: tuple[str, ...] = ()
+    friction: TorqueBySpeed | None = None

@@ -18,6 +18,8 @@ from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.rivals import Contest
 from tcs_friction.diagnose.search.start import Kind, kind_of
+from tcs_friction.numerics.by_speed import TorqueBySpeed
+from tcs_friction.numerics.envelope import envelope
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import COORDINATES, Instance
 
@@ -36,14 +38,16 @@ def evidence_of(
     located: Sequence[AtlasEntry],
     notes: tuple[str, ...],
     lacks: Sequence[Lack] = (),
+    friction: TorqueBySpeed | None = None,
 ) -> Evidence:
     """Evidence for the improved axis of a fit: residuals (n,) believed, retuned and improved, the atlas of the retuned one.
 
-    lacks: of the believed friction law.
+    lacks: of the believed friction law. friction: against speed.
     """
     axis = fit.axis
     t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | balance.held_out)  # without the ends of stretches
     thin = counted[:: max(1, len(counted) // PLOTTED)]
+    peaks = counted[np.unique(np.concatenate([envelope(x[counted], PLOTTED // 2) for x in residuals.values()]))]
     curves = (
         CoordinateCurve(e.coordinate, e.unit, e.x, e.mean, e.band, e.share, e.p_value) for e in located if len(e.x) > 1
     )
@@ -51,11 +55,11 @@ def evidence_of(
     left = [(item, balance.residual(axis.without_effect(item), fit.noise)) for item in found]
     left += [(lack.effect, balance.residual(lack.without.axis, fit.noise)) for lack in lacks]
     return Evidence(
-        t=t[thin],
-        believed=residuals["believed"][thin],
-        retuned=residuals["retuned"][thin],
-        improved=residuals["improved"][thin],
-        held_out=balance.held_out[thin],
+        t=t[peaks],
+        believed=residuals["believed"][peaks],
+        retuned=residuals["retuned"][peaks],
+        improved=residuals["improved"][peaks],
+        held_out=balance.held_out[peaks],
         atlas=tuple(curves),
         isolated=tuple(_isolated(balance.data, axis, item, x, residuals["improved"], thin) for item, x in left),
         learned=_map(balance.data, axis),
@@ -63,6 +67,7 @@ def evidence_of(
         torque_unit=unit_of("torque", axis.kind),
         position_unit=unit_of("position", axis.kind),
         notes=notes,
+        friction=friction,
     )
 
 
