@@ -27,7 +27,7 @@ def test_where_a_process_was_that_a_signal_ended_goes_to_the_file_that_ci_prints
     env = os.environ | {"PYTHONPATH": str(ROOT / ".ci/crashes"), "TCS_FRICTION_CRASHES": str(said)}
     subprocess.run([sys.executable, "-c", "pass"], env=env, check=True)
     assert said.read_text() == ""
-    command = [sys.executable, "-c", "import os\ndef here(): os.abort()\nhere()"]
+    command = [sys.executable, "-c", "import faulthandler, os\nfaulthandler.enable()\ndef here(): os.abort()\nhere()"]
     ended = subprocess.run(command, env=env, cwd=tmp_path, capture_output=True)
     assert ended.returncode == -signal.SIGABRT
     assert "Fatal Python error: Aborted" in said.read_text()
