@@ -58,7 +58,7 @@ def commissioned(
         for process in processes:
             with deaf():
                 process.start()
-        outcome = _commission(title, arguments, directory, {process.name: process for process in processes})
+        outcome = commission(title, arguments, directory, {process.name: process for process in processes})
         over.set()
         if not ends[0].poll(20.0):
             raise JobError(f"bench {title}", "the driver does not tell what it has seen", "its counts")
@@ -93,8 +93,14 @@ def _loop(arguments: Sequence[str]) -> None:
     run_together({"": arguments}, LOOP)
 
 
-def _commission(title: str, arguments: Sequence[str], directory: Path, children: Mapping[str, BaseProcess]) -> Any:
-    """The action commission of a graph elsewhere; its outcome."""
+def commission(
+    title: str,
+    arguments: Sequence[str],
+    directory: Path,
+    children: Mapping[str, BaseProcess],
+    begin: Callable[[Any], None] = lambda _node: None,
+) -> Any:
+    """The action commission of a graph elsewhere; its outcome. begin: is given the node before it runs."""
     import rclpy
     from rclpy.task import Future
 
@@ -105,6 +111,7 @@ def _commission(title: str, arguments: Sequence[str], directory: Path, children:
     rclpy.init(args=["bench", *arguments])
     executor, node, done = make_executor(), Commission(), Future()
     executor.add_node(node)
+    begin(node)
     said: list[str] = []
 
     def tell(_share: float, stage: str) -> None:

@@ -12,14 +12,20 @@ import pytest
 import yaml
 
 from tcs_friction.cli import main
+from tcs_friction.commands import new
 from tcs_friction.commands.new import text_of
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
+from tcs_friction.diagnose.dataset.checks import check_units
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.write import write_recording
 
+LONGEST = 4000  # samples
 MOTION = {"kind": "multisine", "velocity_amplitude": 0.01, "lowest_frequency": 0.05, "frequency_step": 0.07, "components": 4}
 
 
@@ -157,3 +163,32 @@ def test_real_recordings_give_files_that_a_diagnosis_accepts(shared_data: Path, 
     assert main(["new", str(recorded), "-o", str(path)]) == 0
     assert main(["diagnose", str(recorded), "--axis", str(path), "-o", str(tmp_path / "found")]) == 0
     assert (tmp_path / "found/report.html").is_file()
+
+
+RECORDINGS = (
+    "bam_lift_and_drop_kp200",
+    "bam_lift_and_drop_kp800",
+    "bam_sin_sin_kp200",
+    "bam_sin_sin_kp800",
+    "emps",
+    "laas_speed",
+    "odrive_slow",
+)
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_every_real_recording_gives_a_file_that_a_diagnosis_can_begin_with(
+    shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Fitted to the first LONGEST samples alone, for the sake of time; the whole recording is what a diagnosis begins with."""
+    path, recorded = tmp_path / "axis.yaml", shared_data / "data" / name / "recording"
+    monkeypatch.setattr(new, "read_recordings", lambda *given: [one.part(slice(LONGEST)) for one in read_recordings(*given)])
+    assert main(["new", str(recorded), "-o", str(path)]) == 0
+    file = load_axis(path)
+    data = prepare(read_recordings([recorded], file.mapped(path)), memory=10.0 * file.axis.bristle)
+    check_units(data, file.axis)
+    assert np.isfinite(TorqueBalance(data, file.axis.actuation_delay).torque_residual(file.axis)).all()
+
+
+def test_no_real_recording_is_forgotten(shared_data: Path) -> None:
+    assert sorted(path.name for path in (shared_data / "data").iterdir() if path.is_dir()) == sorted(RECORDINGS)
