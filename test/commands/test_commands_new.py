@@ -100,6 +100,28 @@ def test_a_table_says_by_its_units_that_an_axis_is_linear(run: LoopRun, tmp_path
     assert "# by the units" in path.read_text()
 
 
+@pytest.mark.parametrize(
+    ("column", "factor", "inertia", "said"),
+    [
+        ("q-axis current [mA]", 10.0, 10.0, "recorded in mA of the drive: read A for N m wherever that stands"),
+        ("torque [kNm]", 1e-3, 1000.0, ""),
+    ],
+)
+def test_a_drives_current_is_taken_for_the_torque(
+    run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, column: str, factor: float, inertia: float, said: str
+) -> None:
+    monkeypatch.setattr(first_axis, "LAWS", first_axis.LAWS[:1])
+    table, path = tmp_path / "run.csv", tmp_path / "axis.yaml"
+    with table.open("w", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time [s]", "Position [deg]", column])
+        rows.writerows(zip(run.t[::10], np.degrees(run.position[::10]), factor * run.torque[::10], strict=True))
+    assert main(["new", str(table), "-o", str(path)]) == 0
+    assert load_axis(path).axis.inertia == pytest.approx(inertia, rel=0.2), "by the simplest law"
+    assert said in path.read_text()
+    assert ("of the drive" in path.read_text()) == bool(said)
+
+
 def test_a_joints_name_says_that_an_axis_is_linear_and_another_joint_can_be_asked_for(run: LoopRun, tmp_path: Path) -> None:
     recorded = bag(tmp_path / "bag", run, joint="focus_stage")
     assert main(["new", str(recorded), "-o", str(tmp_path / "axis.yaml")]) == 0
