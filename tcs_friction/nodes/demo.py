@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -69,24 +69,30 @@ def commission(
     children = graph.start_processes(arguments, names) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):
-        executor = make_executor()
-        together = [] if processes else [graph.factory(name)() for name in names]
-        node = Commission()
-        together.append(node)
-        for item in together:
-            executor.add_node(item)
-        done = Future()
-        executor.create_task(drive_action(node, directory, children, tell, done))
-        try:
-            spin(executor, done)
-        finally:
-            close(executor, together)
-        if not done.done():
-            raise KeyboardInterrupt
-        if done.exception() is not None:
-            raise done.exception()
-        assert node.outcome is not None
-        return node.outcome
+        return _commissioned(() if processes else names, directory, children, tell)
+
+
+def _commissioned(
+    names: Sequence[str], directory: Path, children: Mapping[str, BaseProcess], tell: Callable[[float, str], None]
+) -> CommissionResult:
+    """The action's outcome, on nodes of this process and what runs in others."""
+    executor = make_executor()
+    together = [graph.factory(name)() for name in names]
+    node, done = Commission(), Future()
+    together.append(node)
+    for item in together:
+        executor.add_node(item)
+    executor.create_task(drive_action(node, directory, children, tell, done))
+    try:
+        spin(executor, done)
+    finally:
+        close(executor, together)
+    if not done.done():
+        raise KeyboardInterrupt
+    if done.exception() is not None:
+        raise done.exception()
+    assert node.outcome is not None
+    return node.outcome
 
 
 @contextlib.contextmanager
