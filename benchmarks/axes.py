@@ -1,6 +1,7 @@
 """One axis commissioned in real time while another moves: azimuth and altitude, which feels the azimuth's acceleration.
 
-Both axes are in one process, the commissioning of the azimuth in another. The altitude follows a sinusoid all the time.
+Both axes are in one process, with real-time scheduling as far as it is permitted, the commissioning of the azimuth in another.
+The altitude follows a sinusoid all the time.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _measured(period: float, directory: Path, swinging: Path) -> list[dict[str, Any]]:
+    from tcs_friction.nodes import scheduling
     from tcs_friction.nodes.axes import arguments_by_axis
 
+    scheduling.ask(scheduling.ALL)
     swinging.write_text(SWINGING)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
