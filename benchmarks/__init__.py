@@ -12,6 +12,8 @@ BENCHMARKS = {
     "services": "every service of every node called while messages flow",
     "faults": "real time under faults: limits kept, every fault named, the run resumed",
     "canopen": "the loop in real time on a CANopen drive, simulated on a virtual bus",
+    "ros2_control": "the loop in real time on a robot under ros2_control, simulated beside it",
+    "axes": "one axis commissioned in real time while another moves",
     "realtime": "latency and jitter of the loop in real time, beside a bare publisher and subscriber",
     "graph": "ticks per second of the node graph, beside a bare chain of messages",
     "cost": "the identification's cost, beside NumPy",

@@ -1,5 +1,6 @@
 """The graph of one axis: ros2 launch tcs_friction axis.launch.py axis:=FILE reference:=FILE clock:=real_time plant:=false
 
+With plant:=mujoco model:=FILE joint:=NAME the axis is a joint of a MuJoCo model.
 `ros2 launch tcs_friction axis.launch.py --show-args` lists all arguments. The managed nodes are configured and activated
 from here.
 """
@@ -30,6 +31,7 @@ NODES = (
 MANAGED = ("plant", "controller")
 RESULTS = ("identifier", "diagnoser", "commission")
 SWITCH = ("true", "false")
+MUJOCO = "mujoco"
 ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "namespace": ("azimuth", "namespace of the axis", ()),
     "axis": ("azimuth_1p2m.yaml", "axis file, a path or a name in the package's config folder", ()),
@@ -46,7 +48,9 @@ ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "results": ("results", "directory that results of services and actions go below", ()),
     "clock": (LOCK_STEP, "lock-step simulation, or real time", (LOCK_STEP, REAL_TIME)),
-    "plant": ("true", "false: a driver takes the place of the simulated plant", SWITCH),
+    "plant": ("true", f"false: a driver takes the place of the simulated plant; {MUJOCO}: a joint of a model", (*SWITCH, MUJOCO)),
+    "model": ("mount_two_axis.xml", "of plant:=mujoco, a path or a name in the package's config folder", ()),
+    "joint": ("", "of the model, that is the axis; none: the one that has the axis' name", ()),
     "auto_activate": ("true", "false: plant and controller wait, without torque, for ros2 lifecycle", SWITCH),
     "use_sim_time": ("false", "time comes from /clock", SWITCH),
     "log_level": ("info", "what the nodes say", ("debug", "info", "warn", "error", "fatal")),
@@ -64,11 +68,31 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def nodes(context: LaunchContext) -> list[Action]:
-    """The nodes for the arguments given, then what activates them; the simulated axis starts where the reference does."""
+    """The nodes for the arguments given, then what activates them."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    simulated = given["plant"] == "true"
     common = {"axis": given["axis"], "clock": given["clock"], "use_sim_time": given["use_sim_time"] == "true"}
-    own = {
+    own = settings(given)
+    file = [given["params_file"]] if given["params_file"] else []
+    made = {
+        name: (LifecycleNode if name in MANAGED else Node)(
+            package="tcs_friction",
+            executable="mujoco_plant" if name == "plant" and given["plant"] == MUJOCO else name,
+            name=name,
+            namespace=given["namespace"],
+            parameters=[common | own.get(name, {}), *file],
+            ros_arguments=["--log-level", given["log_level"]],
+            output="screen",
+        )
+        for name in NODES
+        if name != "plant" or given["plant"] != "false"
+    }
+    managed = [made[name] for name in MANAGED if name in made and given["auto_activate"] == "true"]
+    return [*made.values(), *(action for node in managed for action in activation(node))]
+
+
+def settings(given: dict[str, str]) -> dict[str, dict[str, object]]:
+    """The parameters of single nodes; a simulated axis starts where the reference does."""
+    own: dict[str, dict[str, object]] = {
         "plant": {
             "start_position": load_reference(config_file(given["reference"])).at(0.0)[0],
             "beside": given["beside"].split(","),
@@ -77,29 +101,17 @@ def nodes(context: LaunchContext) -> list[Action]:
         "commission": {
             "reference_file": given["reference"],
             "measure_file": given["measure_file"],
-            "simulated": simulated,
+            "simulated": given["plant"] != "false",
         },
     }
+    if given["plant"] == MUJOCO:  # which does not tell what of its torques is friction
+        own["plant"] |= {"mujoco_model": given["model"], "mujoco_joint": given["joint"], "truth": False}
+        own["commission"]["truth"] = False
     for name in RESULTS:
         own.setdefault(name, {})["results"] = given["results"]
     for name in MANAGED:
         own.setdefault(name, {})["auto_activate"] = False
-    file = [given["params_file"]] if given["params_file"] else []
-    made = {
-        name: (LifecycleNode if name in MANAGED else Node)(
-            package="tcs_friction",
-            executable=name,
-            name=name,
-            namespace=given["namespace"],
-            parameters=[common | own.get(name, {}), *file],
-            ros_arguments=["--log-level", given["log_level"]],
-            output="screen",
-        )
-        for name in NODES
-        if simulated or name != "plant"
-    }
-    managed = [made[name] for name in MANAGED if name in made and given["auto_activate"] == "true"]
-    return [*made.values(), *(action for node in managed for action in activation(node))]
+    return own
 
 
 def activation(node: LifecycleNode) -> list[Action]:

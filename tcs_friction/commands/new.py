@@ -27,6 +27,7 @@ from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.tables import TABLES, import_table
+from tcs_friction.recording.units import DRIVE
 from tcs_friction.writable import output_file
 
 LINEAR_WORDS = ("linear", "slide", "carriage", "gantry", "prismatic", "stage", "force", "thrust", "rail", "ballscrew")
@@ -63,8 +64,9 @@ def run(arguments: argparse.Namespace) -> None:
     with status_line() as show:
         found = first_axis(recordings, name, kind, signals, lambda law: show(f"{100.0 * law.share:3.0f} % of a law"))
     reasons = {("axis", "kind"): why, **found.reasons}
-    if unit and unit not in ("Nm", "N"):
-        reasons["signals", "torque"] = f"recorded in {unit}: everything that has torque in it is in units of that"
+    if unit in DRIVE:
+        base, torque = unit.removeprefix("m"), "N" if kind == "linear" else "N m"
+        reasons["signals", "torque"] = f"recorded in {unit} of the drive: read {base} for {torque} wherever that stands"
     sources = ", ".join(map(str, arguments.recordings))
     heading = [f"Made by tcs-friction from {sources}. Look at it before a loop is closed with it."]
     heading += [f"Doubtful: {line}." for line in found.doubts]

@@ -3,7 +3,8 @@
 import os
 
 os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-"""Fast DDS otherwise passes messages through shared memory, which a killed or stopped process leaves in disorder.
+"""Over a network Fast DDS otherwise has shared memory too, which a killed or stopped process leaves in disorder.
 
-The survivors then may no longer hear each other (eProsima/Fast-DDS issues 2811 and 5469). What UDP costs: docs/real-time.md.
+The survivors then may no longer hear each other (eProsima/Fast-DDS issues 2811 and 5469). Where nodes are found on this machine
+only, ROS chooses shared memory whatever this says: docs/real-time.md.
 """

@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.action import ActionClient, ActionServer
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -95,6 +96,13 @@ class AxisNode(Node, Generic[C]):
         """To be called at the end of a subclass' constructor: configure it and begin to report."""
         self.configure(self.config)
         steady_timer(self, 1.0, self._report_or_wait)
+
+    def destroy_node(self) -> None:
+        """Actions first: rclpy leaves them to the garbage collector, and rcl crashes where that ends the node's clock earlier."""
+        for entity in list(self.waitables):
+            if isinstance(entity, (ActionServer, ActionClient)):
+                entity.destroy()
+        super().destroy_node()
 
     def check(self, config: C, file: AxisFile) -> None:
         """Raises InputError where valid settings do not go together. For subclasses."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -48,12 +48,14 @@ def commission(
     processes: bool = False,
     tell: Callable[[float, str], None] = lambda _share, _stage: None,
     seed: int = 0,
+    mujoco: tuple[str, str] | None = None,
 ) -> CommissionResult:
     """Start the graph, run the action commission on it, end the graph.
 
     `directory` gets the bags, identification.json, axis.yaml, commission.json and report.html; `processes` gives every
-    node a process of its own. `tell` hears the share of the work done and what is being done. Raises JobError with the reason
-    when a node dies or a step fails, KeyboardInterrupt when interrupted.
+    node a process of its own. `tell` hears the share of the work done and what is being done. mujoco: model and joint ("" for the
+    one that has the axis' name) of a plant that is MuJoCo's. Raises JobError with the reason when a node dies or a step fails,
+    KeyboardInterrupt when interrupted.
     """
     own_domain()
     keep_logs()
@@ -61,28 +63,36 @@ def commission(
     directory = directory.resolve()
     settings = SETTINGS | {"results": directory.parent, "seed": seed}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
+    names = NODES if mujoco is None else ("mujoco_plant", *(name for name in NODES if name != "plant"))
+    words += graph.mujoco_arguments(*mujoco) if mujoco else []
     arguments = graph.arguments_for(axis, reference, [*words, "--log-level", "warn"])
-    children = graph.start_processes(arguments, NODES) if processes else {}
+    children = graph.start_processes(arguments, names) if processes else {}
     rclpy.init(args=["demo", *arguments])
     with _ended(children):
-        executor = make_executor()
-        together = [] if processes else [graph.factory(name)() for name in NODES]
-        node = Commission()
-        together.append(node)
-        for item in together:
-            executor.add_node(item)
-        done = Future()
-        executor.create_task(drive_action(node, directory, children, tell, done))
-        try:
-            spin(executor, done)
-        finally:
-            close(executor, together)
-        if not done.done():
-            raise KeyboardInterrupt
-        if done.exception() is not None:
-            raise done.exception()
-        assert node.outcome is not None
-        return node.outcome
+        return _commissioned(() if processes else names, directory, children, tell)
+
+
+def _commissioned(
+    names: Sequence[str], directory: Path, children: Mapping[str, BaseProcess], tell: Callable[[float, str], None]
+) -> CommissionResult:
+    """The action's outcome, on nodes of this process and what runs in others."""
+    executor = make_executor()
+    together = [graph.factory(name)() for name in names]
+    node, done = Commission(), Future()
+    together.append(node)
+    for item in together:
+        executor.add_node(item)
+    executor.create_task(drive_action(node, directory, children, tell, done))
+    try:
+        spin(executor, done)
+    finally:
+        close(executor, together)
+    if not done.done():
+        raise KeyboardInterrupt
+    if done.exception() is not None:
+        raise done.exception()
+    assert node.outcome is not None
+    return node.outcome
 
 
 @contextlib.contextmanager

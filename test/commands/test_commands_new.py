@@ -12,14 +12,21 @@ import pytest
 import yaml
 
 from tcs_friction.cli import main
+from tcs_friction.commands import new
 from tcs_friction.commands.new import text_of
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
+from tcs_friction.diagnose.dataset.checks import check_units
+from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.identify import first_axis
+from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.write import write_recording
 
+LONGEST = 1500  # samples
 MOTION = {"kind": "multisine", "velocity_amplitude": 0.01, "lowest_frequency": 0.05, "frequency_step": 0.07, "components": 4}
 
 
@@ -93,6 +100,28 @@ def test_a_table_says_by_its_units_that_an_axis_is_linear(run: LoopRun, tmp_path
     assert "# by the units" in path.read_text()
 
 
+@pytest.mark.parametrize(
+    ("column", "factor", "inertia", "said"),
+    [
+        ("q-axis current [mA]", 10.0, 10.0, "recorded in mA of the drive: read A for N m wherever that stands"),
+        ("torque [kNm]", 1e-3, 1000.0, ""),
+    ],
+)
+def test_a_drives_current_is_taken_for_the_torque(
+    run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, column: str, factor: float, inertia: float, said: str
+) -> None:
+    monkeypatch.setattr(first_axis, "LAWS", first_axis.LAWS[:1])
+    table, path = tmp_path / "run.csv", tmp_path / "axis.yaml"
+    with table.open("w", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time [s]", "Position [deg]", column])
+        rows.writerows(zip(run.t[::10], np.degrees(run.position[::10]), factor * run.torque[::10], strict=True))
+    assert main(["new", str(table), "-o", str(path)]) == 0
+    assert load_axis(path).axis.inertia == pytest.approx(inertia, rel=0.2), "by the simplest law"
+    assert said in path.read_text()
+    assert ("of the drive" in path.read_text()) == bool(said)
+
+
 def test_a_joints_name_says_that_an_axis_is_linear_and_another_joint_can_be_asked_for(run: LoopRun, tmp_path: Path) -> None:
     recorded = bag(tmp_path / "bag", run, joint="focus_stage")
     assert main(["new", str(recorded), "-o", str(tmp_path / "axis.yaml")]) == 0
@@ -151,9 +180,41 @@ def test_comments_stand_behind_the_values_that_they_are_about() -> None:
     assert yaml.safe_load(text) == {"a": {"x": 1.23457, "b": {"x": 2.0}}, "x": 3.0}
 
 
-@pytest.mark.parametrize("name", ["bam_sin_sin_kp200", "odrive_slow"])
+DIAGNOSED = ("bam_sin_sin_kp200", "odrive_slow")
+"""Wholly, in a test of their own."""
+RECORDINGS = (
+    "bam_lift_and_drop_kp200",
+    "bam_lift_and_drop_kp800",
+    "bam_sin_sin_kp200",
+    "bam_sin_sin_kp800",
+    "emps",
+    "laas_speed",
+    "odrive_slow",
+)
+
+
+@pytest.mark.parametrize("name", DIAGNOSED)
 def test_real_recordings_give_files_that_a_diagnosis_accepts(shared_data: Path, tmp_path: Path, name: str) -> None:
     path, recorded = tmp_path / "axis.yaml", shared_data / "data" / name / "recording"
     assert main(["new", str(recorded), "-o", str(path)]) == 0
     assert main(["diagnose", str(recorded), "--axis", str(path), "-o", str(tmp_path / "found")]) == 0
     assert (tmp_path / "found/report.html").is_file()
+
+
+@pytest.mark.parametrize("name", sorted({*RECORDINGS} - {*DIAGNOSED}))
+def test_every_real_recording_gives_a_file_that_a_diagnosis_can_begin_with(
+    shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Fitted to the first LONGEST samples, with two laws, for the sake of time; a diagnosis begins with the whole recording."""
+    path, recorded = tmp_path / "axis.yaml", shared_data / "data" / name / "recording"
+    monkeypatch.setattr(first_axis, "LAWS", first_axis.LAWS[:2])
+    monkeypatch.setattr(new, "read_recordings", lambda *given: [one.part(slice(LONGEST)) for one in read_recordings(*given)])
+    assert main(["new", str(recorded), "-o", str(path)]) == 0
+    file = load_axis(path)
+    data = prepare(read_recordings([recorded], file.mapped(path)), memory=10.0 * file.axis.bristle)
+    check_units(data, file.axis)
+    assert np.isfinite(TorqueBalance(data, file.axis.actuation_delay).torque_residual(file.axis)).all()
+
+
+def test_no_real_recording_is_forgotten(shared_data: Path) -> None:
+    assert sorted(path.name for path in (shared_data / "data").iterdir() if path.is_dir()) == sorted(RECORDINGS)

@@ -28,10 +28,11 @@ from benchmarks.can_server import CanServer  # noqa: E402
 from benchmarks.listening import Listening  # noqa: E402
 from benchmarks.simulated_drive import Faults, SimulatedDrive  # noqa: E402
 from tcs_friction.nodes.drivers import object_dictionary as od  # noqa: E402
-from tcs_friction.nodes.drivers.canopen_hardware import CanopenHardware  # noqa: E402
+from tcs_friction.nodes.drivers.canopen_hardware import FIRST, SECOND_PART, CanopenHardware  # noqa: E402
 from tcs_friction.nodes.drivers.canopen_settings import DriveSettings, Scale  # noqa: E402
 from tcs_friction.nodes.drivers.cia402 import State  # noqa: E402
 from tcs_friction.nodes.drivers.hardware import Measured  # noqa: E402
+from tcs_friction.nodes.drivers.sync_times import SyncTimes  # noqa: E402
 
 PERIOD = 0.01
 AXIS = load_axis(shipped("azimuth_1p2m.yaml")).axis
@@ -125,6 +126,18 @@ def test_a_moment_without_answers_is_no_fault(rig: Callable[..., Rig]) -> None:
     time.sleep(0.12)
     one.enabled(50.0)
     assert not one.hardware.fault
+
+
+def test_an_answer_that_is_read_after_the_next_sync_has_the_stamp_of_its_own() -> None:
+    posted: deque[Any] = deque()
+    hardware = CanopenHardware(replace(SETTINGS, channel="late"), False, PERIOD, 500.0, time.time_ns, posted.append)
+    hardware._syncs, now = SyncTimes(), time.monotonic()
+    for number, before in enumerate((0.2, 0.1), 1):
+        hardware._syncs.sent(number, now - before)
+    for timestamp in (50.0, 50.0 - 0.15):  # read at once, and a tenth of a second too late
+        hardware._on_first(0x181, FIRST.pack(0, 0, 0), timestamp)
+        hardware._on_second(0x281, SECOND_PART.pack(0, 0, 0), timestamp)
+    assert [answer.args[0] for answer in posted] == [2, 1]
 
 
 def bus_off(one: Rig) -> None:

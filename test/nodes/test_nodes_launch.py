@@ -73,7 +73,8 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_what_is_not_one_of_the_choices_cannot_be_given(launched: Any) -> None:
     choices = {name: entry.choices for name, entry in launched.declared.items()}
     assert choices["clock"] == ["lock_step", "real_time"]
-    assert choices["plant"] == choices["use_sim_time"] == choices["auto_activate"] == ["true", "false"]
+    assert choices["use_sim_time"] == choices["auto_activate"] == ["true", "false"]
+    assert choices["plant"] == ["true", "false", "mujoco"]
     assert "warn" in choices["log_level"]
     assert choices["axis"] is None
     assert all(entry.description for entry in launched.declared.values())
@@ -105,6 +106,17 @@ def test_arguments_reach_the_nodes(launched: Any) -> None:
     assert (commission.parameters[0]["simulated"], commission.parameters[0]["use_sim_time"]) == (False, True)
     assert commission.parameters[1] == "params.yaml", "what the file says comes last and wins"
     assert commission.ros_arguments == ["--log-level", "debug"]
+
+
+def test_a_joint_of_a_mujoco_model_takes_the_place_of_the_plant(launched: Any) -> None:
+    nodes = launched.nodes(plant="mujoco", model="mine.xml", joint="az")
+    plant = nodes["plant"]
+    assert (plant.executable, plant.kind) == ("mujoco_plant", "LifecycleNode")
+    given = plant.parameters[0]
+    assert (given["mujoco_model"], given["mujoco_joint"], given["truth"]) == ("mine.xml", "az", False)
+    assert nodes["commission"].parameters[0]["truth"] is False
+    assert nodes["commission"].parameters[0]["simulated"] is True
+    assert "truth" not in launched.nodes()["commission"].parameters[0]
 
 
 @pytest.mark.parametrize(("plant", "managed"), [("true", ["plant", "controller"]), ("false", ["controller"])])

@@ -14,7 +14,9 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Commission
 
+from tcs_friction.cli import main
 from tcs_friction.errors import InputError
+from tcs_friction.nodes import demo
 from tcs_friction.nodes.graph import LOOP
 from tcs_friction.nodes.qos import LISTEN
 from tcs_friction.recording.bags import read_recordings
@@ -115,3 +117,23 @@ def test_a_change_that_it_cannot_make_changes_nothing(together: Callable[..., An
         assert not answer.successful
     assert plant._simulator.joint == "azimuth"
     assert plant.config.truth is False
+
+
+def test_the_demo_runs_on_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """The paper's part of it, on short runs."""
+    run, measure = tmp_path / "run.yaml", tmp_path / "measure.yaml"
+    run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 1.0, acceleration: 1.0e-2, duration: 3.6}\n")
+    measure.write_text("reference: {kind: sinusoid, amplitude: 1.0e-3, period: 3.0, duration: 3.5}\n")
+    short = {"measure_file": measure, "settle": 1.0, "diagnoses": 0}
+    monkeypatch.setattr(demo, "SETTINGS", demo.SETTINGS | short)
+    words = ["demo", "--plant", "mujoco", "--reference", str(run), "-o", str(tmp_path / "out"), "--json"]
+    assert main(words) == 0
+    content = json.loads(capfd.readouterr().out)
+    assert content["after"]["rms"] < 0.5 * content["before"]["rms"]
+    assert (content["true"], content["dob_relative_error"]) == (None, None)
+    assert (tmp_path / "out/report.html").is_file()
+
+
+def test_the_demo_has_no_model_without_mujoco(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "--model", "mount_two_axis.xml"]) == 2
+    assert "--model: given without MuJoCo, expected --plant mujoco beside it" in capsys.readouterr().err

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -55,7 +54,7 @@ class Robot:
         node.create_subscription(Float64MultiArray, "/robot/applied", lambda m: self.applied.append(list(m.data)), 100)
         self._client = node.create_client(SetParameters, "/robot/set_parameters")
         env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
-        command = [sys.executable, str(Path(__file__).with_name("ros2_control_robot.py")), "--ros-args", *arguments]
+        command = [sys.executable, "-m", "benchmarks.simulated_robot", "--ros-args", *arguments]
         self._process = subprocess.Popen(command, env=env)
 
     @property

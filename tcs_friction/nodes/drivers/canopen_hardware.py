@@ -5,7 +5,8 @@ python-can's; both only call `post`, which has a function run in the executor's 
 thread: torque, SYNC and heartbeat end when it ends or hangs, and the drive stops by itself.
 
 A period: `tick` sends the newest controlword and torque, then SYNC. On SYNC the drive takes them, measures, and answers with two
-PDOs; when both have come they are a state with the stamp of their SYNC.
+PDOs; when both have come they are a state with the stamp of their SYNC. Which SYNC that is, the adapter's own time of the PDOs
+says (`sync_times.py`), so that a thread that is late does not make the answer to one SYNC that of the next.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from tcs_friction.nodes.drivers.canopen_setup import Unreachable, prepare
 from tcs_friction.nodes.drivers.cia402 import CYCLIC_SYNCHRONOUS_TORQUE, Command, State, controlword, state_of
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
 from tcs_friction.nodes.drivers.object_dictionary import dictionary
+from tcs_friction.nodes.drivers.sync_times import SyncTimes
 
 try:
     import can
@@ -64,7 +66,6 @@ class CanopenHardware(Hardware):
         self._network: Any = None
         self._thread: threading.Thread | None = None
         self._closed = threading.Event()
-        self._sync = (0, 0)  # number and stamp (ns), replaced as a whole
         self._begin()
 
     def _begin(self) -> None:
@@ -100,6 +101,7 @@ class CanopenHardware(Hardware):
     # Preparing, in a thread
 
     def _prepare(self) -> None:
+        self._syncs = SyncTimes()  # another connection may have another clock
         self._thread = threading.Thread(target=self._reach, args=(self._network,), daemon=True)
         self._network = None
         self._thread.start()
@@ -163,7 +165,7 @@ class CanopenHardware(Hardware):
         assert self._scale is not None
         data = COMMAND.pack(word, self._scale.per_mille(torque))
         self._network.send_message(0x200 + self._settings.node_id, data)
-        self._sync = (self._sync[0] + 1, self._now())
+        self._syncs.sent(self._now(), time.monotonic())
         self._network.send_message(SYNC, b"")
 
     def _judge(self, now: float) -> None:
@@ -190,12 +192,12 @@ class CanopenHardware(Hardware):
 
     # What arrives, in python-can's thread
 
-    def _on_first(self, _identifier: int, data: bytes, _timestamp: float) -> None:
-        self._parts = (self._sync[0], bytes(data))
+    def _on_first(self, _identifier: int, data: bytes, timestamp: float) -> None:
+        self._parts = (self._syncs.answered(timestamp, time.monotonic())[0], bytes(data))
 
-    def _on_second(self, _identifier: int, data: bytes, _timestamp: float) -> None:
-        (number, stamp), (begun, first) = self._sync, self._parts
-        if begun == number and len(first) >= FIRST.size and len(data) >= SECOND_PART.size:
+    def _on_second(self, _identifier: int, data: bytes, timestamp: float) -> None:
+        (number, stamp), (begun, first) = self._syncs.answered(timestamp, time.monotonic()), self._parts
+        if number and begun == number and len(first) >= FIRST.size and len(data) >= SECOND_PART.size:
             self._post(partial(self._on_answer, stamp, FIRST.unpack_from(first), SECOND_PART.unpack_from(data)))
 
     def _on_heartbeat(self, state: int) -> None:

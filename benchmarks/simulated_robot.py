@@ -8,8 +8,9 @@ It behaves as ros2_controllers and ros2_control of Jazzy do:
   writes zero instead. When it is switched on, commands from before count no more, and nothing is written until one comes.
 - `controller_manager` reports the states of its controllers on /diagnostics once a second.
 
-The axis' joint moves by the simulator; the others stand still. What acts on all joints is on /robot/applied. Parameters of the
-node /robot, to be set while it runs, are the faults. By hand: `python test/nodes/ros2_control_robot.py --ros-args -p axis:=FILE`.
+The axis' joint moves by the simulator, which keeps up with the clock; the others stand still. Joint states have the stamp of the
+moment at which the positions were so. What acts on all joints is on /robot/applied. Parameters of the node /robot, to be set
+while it runs, are the faults. By hand: `./tcs bench ros2_control --serve`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import signal
 import sys
 import time
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import rclpy
@@ -32,6 +34,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
+from tcs_friction.nodes.convert import set_stamp
 from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
 from tcs_friction.nodes.qos import LATCHED
 from tcs_friction.physics.simulate import Simulator
@@ -59,6 +62,9 @@ DEFAULTS: dict[str, Any] = {
     "nan_effort": False,
     "silent": False,  # no joint states
 }
+STEP = 1e-3  # s, of the simulation
+MOST_STEPS = 2000
+"""At a time: what a machine that stood still for longer has missed is left out."""
 
 
 class Controller:
@@ -110,7 +116,8 @@ class Robot:
         self.joint = file.axis.name
         self.efforts = {"elbow": 3.0, self.joint: 0.0, "wrist": 0.0}  # the command interfaces
         description.publish(String(data=URDF.format(joint=self.joint, effort=self.values["effort_limit"])))
-        self._simulator = Simulator(file.axis, self.values["period"])
+        self._simulator = Simulator(file.axis, STEP)
+        self._began, self._began_at, self._steps = time.monotonic(), self.node.get_clock().now().nanoseconds, 0
         self._random = random.Random(0)
         self._waiting: deque[tuple[float, JointState]] = deque()
         self._held: JointState | None = None
@@ -139,13 +146,13 @@ class Robot:
     def _update(self) -> None:
         """read, update, write."""
         simulator = self._simulator
+        self._advance()
         self.controller.update(self.efforts)
-        simulator.step(self.efforts[self.joint])
         self._applied.publish(Float64MultiArray(data=[self.efforts["elbow"], self.efforts[self.joint], self.efforts["wrist"]]))
         motion = {self.joint: (simulator.measured_position, simulator.measured_velocity)}
         names = list(self.values["order"])
         message = JointState(name=names)
-        message.header.stamp = self.node.get_clock().now().to_msg()
+        set_stamp(message, self._began_at + round(self._steps * STEP * 1e9))
         message.header.frame_id = "base_link"
         message.position = [motion.get(name, (0.25, 0.0))[0] for name in names]
         message.velocity = [motion.get(name, (0.25, 0.0))[1] for name in names]
@@ -153,6 +160,13 @@ class Robot:
         if not (self.values["silent"] or self._random.random() < self.values["lost"]):
             self._waiting.append((time.monotonic() + self.values["late"], message))
         self._deliver()
+
+    def _advance(self) -> None:
+        """The axis up to now, under what has acted since the last time."""
+        due = int((time.monotonic() - self._began) / STEP)
+        for _ in range(min(due - self._steps, MOST_STEPS)):
+            self._simulator.step(self.efforts[self.joint])
+        self._steps = due
 
     def _deliver(self) -> None:
         while self._waiting and self._waiting[0][0] <= time.monotonic():
@@ -166,9 +180,9 @@ class Robot:
                 self._held = None
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Until a signal."""
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=sys.argv if arguments is None else ["robot", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
     robot = Robot()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
