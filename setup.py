@@ -13,6 +13,7 @@ NODES = (
     "dynamometer",
     "identifier",
     "lugre_compensator",
+    "monitor",
     "mujoco_plant",
     "plant",
     "player",

@@ -61,7 +61,7 @@ def draw_course(rng: np.random.Generator) -> Course:
     frequencies = 2.0 * np.pi / _between(rng, PERIODS)
     amplitudes = _between(rng, SPEEDS) / frequencies
     amplitudes *= min(1.0, TRAVEL / amplitudes.sum())
-    room = TRAVEL - amplitudes.sum()
+    room = max(TRAVEL - amplitudes.sum(), 0.0)
     return Course(rng.uniform(-room, room), amplitudes, frequencies, rng.uniform(0.0, 2.0 * np.pi, COMPONENTS))
 
 

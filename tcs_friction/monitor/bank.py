@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tcs_friction.monitor.residual import BLOCK, PARTS, PLACE, SLIDING, SLOWEST, SPEED
+from tcs_friction.monitor.residual import BLOCK, PARTS, PLACE, SLOWEST, SPEED
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,6 @@ ORDER_STEP = 2.0  # rad over the travel: at the ends of the travel the nearest o
 WINDOW = 200  # blocks of a spectrum
 LOWEST_LINE, LINE_STEP, LINES = 2, 1, 76  # in cycles per window: 0.5 to 19.25 Hz
 LOOK = 50  # judged blocks between two looks at the evidence
-FULLY_SLIDING = 0.9
 OUTSIDE = 0.02  # of the travel learned, by which a position may lie outside
 FASTER = 1.1  # times the fastest speed learned
 
@@ -117,8 +116,7 @@ def judged(row: Any, known: Any) -> bool:
     leeway = OUTSIDE * (known.travel[1] - known.travel[0])
     inside = known.travel[0] - leeway <= row[PLACE] <= known.travel[1] + leeway
     speed = abs(row[SPEED])
-    paced = row[SLOWEST] >= known.speeds[0] and speed <= FASTER * known.speeds[-1]
-    return bool(inside and paced and row[SLIDING] >= FULLY_SLIDING)
+    return bool(inside and row[SLOWEST] >= known.speeds[0] and speed <= FASTER * known.speeds[-1])
 
 
 @njit(cache=True, error_model="numpy")

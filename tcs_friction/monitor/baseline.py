@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from tcs_friction.errors import JobError
 from tcs_friction.monitor.bank import (
-    FULLY_SLIDING,
     LINES,
     LOOK,
     WINDOW,
@@ -33,7 +32,7 @@ from tcs_friction.monitor.bank import (
     looks,
     spectra,
 )
-from tcs_friction.monitor.residual import PARTS, PLACE, RESIDUAL, SLIDING, SLOWEST
+from tcs_friction.monitor.residual import PARTS, PLACE, RESIDUAL, SLOWEST
 
 Array = NDArray[np.float64]
 
@@ -78,8 +77,8 @@ class _Looks:
 
 
 def moving(rows: Array) -> NDArray[np.bool_]:
-    """Which blocks (n, COLUMNS) slide one way, at whatever place and speed."""
-    return (rows[:, SLOWEST] > 0.0) & (rows[:, SLIDING] >= FULLY_SLIDING)
+    """In which blocks (n, COLUMNS) the axis slides, at whatever place and speed."""
+    return np.asarray(rows[:, SLOWEST] > 0.0)
 
 
 def learned(rows: Array, cycle: float) -> Baseline:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -61,13 +62,20 @@ class Finding:
 
 def finding(base: Baseline, evidence: Evidence, axis: Axis) -> Finding:
     """The change that the evidence speaks for most, whether or not it is an alarm."""
-    logs = evidence.logs
-    clear = [name for name in PREFERRED if logs[COORDINATES.index(name)] >= logs.max() - AS_CLEAR]
+    clearest = _clearest(base, evidence)
+    clear = [name for name in PREFERRED if clearest[name] >= max(clearest.values()) - AS_CLEAR]
     coordinate = COORDINATES.index(clear[0])
-    total = float(combined(logs)) / math.log(10.0)
+    total = float(combined(evidence.logs)) / math.log(10.0)
     chance = min(1.0, max(float(evidence.status[LOOKS]), 1.0) * 10.0**-total)
     certainty = (total, chance, tuple(clear[1:]))
     return _line(evidence, axis, certainty) if coordinate == LINEAR else _linear(base, evidence, axis, coordinate, certainty)
+
+
+def _clearest(base: Baseline, evidence: Evidence) -> dict[str, float]:
+    """Logarithm of the evidence of the clearest test of each coordinate: what is named needs no bound on false alarms."""
+    starts = (0, *base.known.ends)
+    found = [float(evidence.grown[a:b].max()) for a, b in itertools.pairwise(starts)]
+    return dict(zip(COORDINATES, [*found, float(evidence.line_grown.max())], strict=True))
 
 
 def _linear(

@@ -41,6 +41,8 @@ BLOCK = 0.02  # s
 CORNER = 46.0  # Hz, of each of the four poles; together they halve the power at 20 Hz
 SETTLING = 0.3  # s after a gap in which the filter forgets how it began: 1e-30 of it is left
 USUAL_RESOLUTION = 1e-6  # rad/s, of the direction of motion, where the axis file does not know the encoder's noise
+FULLY_SLIDING = 0.98  # share of the dry friction that is mobilised
+RUNNING_IN = 0.1  # s after a reversal or rest in which what a model has wrong of presliding fades
 SIGHTED = 5.0  # standard deviations of the speed's noise at which its direction is known
 
 # Columns of a block: means over its ticks, unless said
@@ -48,18 +50,17 @@ END = 0  # s since the first tick, of the last one
 RESIDUAL = 1  # N m
 PLACE = 2  # rad
 SPEED = 3  # rad/s
-SLOWEST = 4  # rad/s, the smallest absolute speed of its ticks; 0 where the direction changed or the filter has not settled
-SLIDING = 5  # smallest share of the dry friction that is mobilised
-CONSTANT, DIRECTION, EXTRA, VISCOUS_PART, INERTIAL, OPPOSING, SURROUNDINGS = range(6, 13)
+SLOWEST = 4  # rad/s, the smallest absolute speed of its ticks; 0 where the axis does not slide fully all through it
+CONSTANT, DIRECTION, EXTRA, VISCOUS_PART, INERTIAL, OPPOSING, SURROUNDINGS = range(5, 12)
 """Torque of the model, N m: a constant of the size of its dry level; that level with the direction of motion; what dry friction
 has beyond it; viscous friction; inertia; opposing torques; what temperature has made of it since the first tick."""
-COLUMNS = 13
+COLUMNS = 12
 PARTS = slice(CONSTANT, COLUMNS)
 
-_FILTER, _BEFORE, _AGE, _CLOCK, _COUNT, _SUMS = 0, 8, 11, 12, 13, 14
+_FILTER, _BEFORE, _AGE, _CLOCK, _COUNT, _RUN, _SUMS = 0, 8, 11, 12, 13, 14, 15
 _POLES = 4
 # Settings of the kernel
-_PERIOD, _POLE, _RESOLUTION, _LEVEL, _TICKS, _SETTLING, _COMPARED = range(7)
+_PERIOD, _POLE, _RESOLUTION, _LEVEL, _TICKS, _SETTLING, _RUNNING_IN, _COMPARED = range(8)
 
 
 class Evaluator(NamedTuple):
@@ -81,7 +82,8 @@ def evaluator(axis: Axis, period: float, signals: tuple[str, ...] = ()) -> Evalu
             axis.dry_level,
             ticks_per_block(period),
             math.ceil(SETTLING / period),
-            float(any(item.term.temperature for item in axis.effects)),
+            math.ceil(RUNNING_IN / period),
+            float(any(item.thermal for item in axis.effects)),
         ]
     )
     machine, unchanged = (compiled.build(axis, period, signals=signals) for _ in range(2))
@@ -130,15 +132,12 @@ def _add(e: Any, q: float, v: float, residual: float, unchanged: float) -> None:
     """One instant into the sums of the open block."""
     sums, motion, level = e.state[_SUMS:], e.axis.motion, e.settings[_LEVEL]
     share = motion[MOBILISED]
-    first = e.state[_COUNT] == 0.0
-    settled = e.state[_AGE] > e.settings[_SETTLING]
-    if first:
+    if e.state[_COUNT] == 0.0:
         sums[:] = 0.0
-        sums[SLOWEST], sums[SLIDING] = abs(v), 1.0
-    if not settled or v * sums[SPEED] < 0.0:
-        sums[SLOWEST] = 0.0
-    sums[SLOWEST] = min(sums[SLOWEST], abs(v))
-    sums[SLIDING] = min(sums[SLIDING], abs(share))
+        sums[SLOWEST] = abs(v)
+    slides = share * v > 0.0 and abs(share) >= FULLY_SLIDING and e.state[_AGE] > e.settings[_SETTLING]
+    e.state[_RUN] = e.state[_RUN] + 1.0 if slides else 0.0
+    sums[SLOWEST] = min(sums[SLOWEST], abs(v)) if e.state[_RUN] > e.settings[_RUNNING_IN] else 0.0
     sums[RESIDUAL] += residual
     sums[PLACE] += q
     sums[SPEED] += v
@@ -188,7 +187,7 @@ def follow(e: Any, position: Any, torque: Any, surroundings: Any, out: Any) -> i
         if state[_COUNT] >= ticks:
             out[rows] = state[_SUMS:] / ticks
             out[rows, END] = state[_CLOCK]
-            out[rows, SLOWEST], out[rows, SLIDING] = state[_SUMS + SLOWEST], state[_SUMS + SLIDING]
+            out[rows, SLOWEST] = state[_SUMS + SLOWEST]
             state[_COUNT] = 0.0
             rows += 1
     return rows

@@ -68,6 +68,8 @@ class Watch:
         self._last: tuple[float, float] | None = None
         self.stretches = 0
         """How often what came did not follow what had come before."""
+        row, ticks = self._row.copy(), self._ticks
+        follow(evaluator(axis, period, signals), ticks[:, 0], ticks[:, 1], ticks[:, 2:], row)  # compiled before the first tick
         self.learn_anew()
 
     def learn_anew(self) -> None:
@@ -139,6 +141,16 @@ class Watch:
             self.told = finding(self.baseline, self.evidence, self.axis)
 
     @property
+    def is_learning(self) -> bool:
+        """Whether nothing is judged yet."""
+        return self.baseline is None
+
+    @property
+    def learned_share(self) -> float:
+        """How much of the learning period is over, 0 to 1."""
+        return min(self.learned_time / self.config.learning_time, 1.0) if self.is_learning else 1.0
+
+    @property
     def learned_time(self) -> float:
         """s of motion that were learned from so far."""
         return self._moved * BLOCK
@@ -153,9 +165,12 @@ class Watch:
         """The blocks (n, COLUMNS) of the learning period."""
         return np.array(self._rows).reshape(-1, COLUMNS)
 
-    def learned(self) -> Baseline:
-        """What the learning period has shown; takes a while. Raises JobError where that is too little."""
-        return learned(self.rows, self.axis.cycle)
+    def learned(self, rows: Array | None = None) -> Baseline:
+        """What the learning period, or blocks (n, COLUMNS) of it, have shown; takes seconds. Raises JobError for too little."""
+        seen = self.rows if rows is None else rows
+        baseline = learned(seen, self.axis.cycle)
+        judge(baseline, fresh(baseline), seen[-1].copy())  # compiled here, and not between two ticks
+        return baseline
 
     def adopt(self, baseline: Baseline) -> None:
         """Judge from now on."""
@@ -183,6 +198,11 @@ class Watch:
     def log_evidence(self) -> float:
         """Natural logarithm of the evidence of a change, of all coordinates together; 0 for none."""
         return float(combined(self.evidence.logs)) if self.evidence is not None else 0.0
+
+    @property
+    def over_alarm(self) -> float:
+        """Common logarithm of the evidence over that of an alarm: from 0 on a change is told."""
+        return (self.log_evidence - self.config.limit) / math.log(10.0)
 
     @property
     def strongest(self) -> Finding | None:
