@@ -97,6 +97,7 @@ class Monitor(AxisNode[MonitorConfig]):
             return
         self._watched = (self.file, config.period)
         self._around.follow(self.file)
+        self._lacking = self._around.lacking()
         self._watch_over = Watch(self.file.axis, config.period, config, self._around.names)
         self._forget()
 

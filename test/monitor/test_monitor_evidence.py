@@ -157,7 +157,7 @@ def test_a_motion_unlike_what_was_learned_is_not_judged(exact: Baseline) -> None
     assert judged(rows[np.argmax(rows[:, SLOWEST])], exact.known)
 
 
-def test_evidence_without_a_change_is_an_e_value(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evidence_without_a_change_is_an_e_value() -> None:
     """The mean of exp(d z - d^2/2) over noise is at most 1, the margin and the scatter's surety making it smaller."""
     base = learned(blocks(LEARNED, seed=11), 1.0)
     rows = blocks(2000.0, seed=12, begin=LEARNED)

@@ -34,6 +34,7 @@ from tcs_friction.physics.terms import instance
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3
+DRY = ("coulomb", "static")
 FILE = load_axis(shipped("azimuth_1p2m.yaml"))
 WARM = instance(effect("temperature_dependent_friction"), {"dry": -0.01, "viscous": 0.0, "reference_temperature": 20.0})
 AXIS = FILE.axis.with_effect(WARM)
@@ -86,7 +87,7 @@ def test_pieces_give_what_the_whole_gives(run: LoopRun, temperature: Array) -> N
     ("change", "part", "share"),
     [
         (lambda axis: replace(axis, inertia=1.05 * axis.inertia), INERTIAL, 1 / 1.05 - 1),
-        (lambda axis: axis.with_friction({n: 0.9 * axis.friction.values[n] for n in ("coulomb", "static")}), DIRECTION, 1 / 0.9 - 1),
+        (lambda axis: axis.with_friction({n: 0.9 * axis.friction.values[n] for n in DRY}), DIRECTION, 1 / 0.9 - 1),
         (lambda axis: replace(axis, effects=axis.effects[:-1]), None, 1.0),
     ],
     ids=["inertia", "friction", "temperature"],
