@@ -41,6 +41,7 @@ setup(
         ("bin", ["bin/tcs-friction"]),
         ("share/tcs_friction/config", files("config", "*.yaml") + files("config", "*.xml")),
         ("share/tcs_friction/launch", files("launch", "*.launch.py")),
+        ("share/tcs_friction/layouts", files("layouts", "*")),
         ("share/tcs_friction/security", files("security", "*.xml")),
     ],
     python_requires=">=3.11",
