@@ -12,6 +12,10 @@ A_DATE = 1_000_000_000
 """s from which on a stamp is a date; before, it is the time of a simulation."""
 
 
+LEAST_CHANCE = 1e-15
+"""What the residual's distribution is like farther out than that nobody knows."""
+
+
 def said(found: Finding, stamp: int, clock: float) -> str:
     """A change in one line: what, where, since when, with what certainty. `stamp` (ns) is that of `clock` (s) on the watch."""
     since = stamp / SECOND - (clock - found.since)
@@ -28,9 +32,7 @@ def moment(seconds: float) -> str:
 
 def certainty(chance: float) -> str:
     """How sure a change is, given the bound on the probability that chance alone does as much."""
-    if chance >= 0.5:
-        return "as chance does it"
-    return f"certain to 1 in {1.0 / max(chance, 1e-99):.2g}"
+    return f"by chance with a probability of {max(chance, LEAST_CHANCE):.1g} at most"
 
 
 def counted(watch: Watch) -> dict[str, str]:
@@ -46,6 +48,6 @@ def counted(watch: Watch) -> dict[str, str]:
         values |= {
             "what changed": strongest.sentence,
             "where": f"{strongest.coordinate} {strongest.where}".strip(),
-            "chance of a false alarm": f"{strongest.chance:.2g} at most",
+            "chance of a false alarm": f"{max(strongest.chance, LEAST_CHANCE):.1g} at most",
         }
     return values

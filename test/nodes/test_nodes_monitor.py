@@ -132,7 +132,7 @@ def test_a_change_is_told_recorded_and_diagnosed(processes: Any, axis: Axis, tmp
     assert axis.report.level == 1
     assert "grew by" in axis.report.message
     assert "since 2023-11-14" in axis.report.message
-    assert "certain to 1 in" in axis.report.message
+    assert "by chance with a probability of" in axis.report.message
     told = next(message for message in axis.evidence if message.changed)
     assert 0 < nanoseconds(told.header.stamp) - changed_at < 10**10
     assert axis.says("'bag': ")
