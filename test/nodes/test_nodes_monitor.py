@@ -21,7 +21,7 @@ from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import LoopConfig, simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import event_ring
+from tcs_friction.nodes import event_ring, joint_input
 from tcs_friction.nodes.convert import nanoseconds
 from tcs_friction.nodes.event_ring import EventRing, new_name, write_bag
 from tcs_friction.nodes.qos import COLLECT, PUBLISH
@@ -215,6 +215,41 @@ def test_gaps_new_runs_and_missing_torques_are_not_taken_for_changes(together: C
     hear(node, course, BEGIN, torque=False)
     assert node._watch_over.clock == before, "without a torque there is no residual"
     assert node.health.ticks > 1000
+
+
+class Steady:
+    """A steady clock that the test moves."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+def test_in_real_time_stray_states_are_refused_and_a_pause_is_not_bridged(
+    together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steady = Steady()
+    monkeypatch.setattr(joint_input, "time", steady)
+    node = together("-p", f"period:={PERIOD}", "-p", "clock:=real_time", nodes=["monitor"])["monitor"]
+    course, watch = states(6.0), node._watch_over
+
+    def pass_by(part: States, begin: float) -> None:
+        for k, (position, effort) in enumerate(part):
+            steady.now = 100.0 + begin + k * PERIOD
+            stamp = BEGIN + round((begin + k * PERIOD) * 1e9)
+            node._on_state(WIRE.write(stamp, position, 0.0, effort))
+            if k == len(part) // 2:
+                for wild in (WIRE.write(BEGIN, position, 0.0, 1.0), WIRE.write(stamp + 1, position + 0.5, 0.0, 1.0)):
+                    node._on_state(wild)
+
+    pass_by(course[:400], 0.0)
+    assert node.health.refused >= 2
+    assert watch.stretches == 1
+    pass_by(course[600:1000], 3.0)
+    assert watch.stretches == 2
+    assert 4.0 < watch.clock < 5.1
 
 
 @pytest.mark.parametrize(
