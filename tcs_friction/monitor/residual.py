@@ -57,7 +57,7 @@ has beyond it; viscous friction; inertia; opposing torques; what temperature has
 COLUMNS = 12
 PARTS = slice(CONSTANT, COLUMNS)
 
-_FILTER, _BEFORE, _AGE, _CLOCK, _COUNT, _RUN, _SUMS = 0, 8, 11, 12, 13, 14, 15
+_BEFORE, _AGE, _CLOCK, _COUNT, _RUN, _SUMS = 8, 11, 12, 13, 14, 15  # slots behind the two filters
 _POLES = 4
 # Settings of the kernel
 _PERIOD, _POLE, _RESOLUTION, _LEVEL, _TICKS, _SETTLING, _RUNNING_IN, _COMPARED = range(8)
