@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 MOST_FILLED = 5
 """Ticks that may be missing in a row and are filled with a straight line."""
+COMPUTING = 0.99
+"""What is said of a learning period that is over and has yet to be learned from."""
 MOST_ROWS = 2_000_000
 """Blocks of a learning period at most, eleven hours."""
 
@@ -147,8 +149,8 @@ class Watch:
 
     @property
     def learned_share(self) -> float:
-        """How much of the learning period is over, 0 to 1."""
-        return min(self.learned_time / self.config.learning_time, 1.0) if self.is_learning else 1.0
+        """How much of the learning period is over, 0 to 1; less than 1 until what it has shown is computed and judged by."""
+        return min(self.learned_time / self.config.learning_time, COMPUTING) if self.is_learning else 1.0
 
     @property
     def learned_time(self) -> float:
