@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 from tcs_friction_msgs.msg import AxisEvidence, AxisReference
@@ -63,6 +65,7 @@ class Axis(Listening):
         self.node.create_service(Diagnose, "diagnoser/diagnose", self._diagnose)
         self.hear_reports(lambda name, report: setattr(self, "report", report) if name == "monitor" else None)
         self.clients = {name: self.node.create_client(Trigger, f"monitor/{name}") for name in ("diagnose", "learn", "forget")}
+        self.parameters = self.node.create_client(SetParameters, "monitor/set_parameters")
         self.begin()
 
     def _diagnose(self, request: Diagnose.Request, answer: Diagnose.Response) -> Diagnose.Response:
@@ -80,6 +83,12 @@ class Axis(Listening):
             if k % 400 == 399:
                 heard = stamp - 1_000_000_000
                 assert wait_until(lambda heard=heard: bool(self.evidence) and self.stamp >= heard, 20.0), "it hears no more"  # type: ignore[misc]
+
+    def set(self, name: str, value: bool) -> None:
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        future = self.parameters.call_async(request)
+        assert wait_until(future.done)
+        assert future.result().results[0].successful
 
     @property
     def stamp(self) -> int:
@@ -112,7 +121,7 @@ def started(processes: Any, axis: Axis, folder: Path, *more: str, label: str = "
     assert axis.says("learning")
 
 
-def test_a_change_is_told_recorded_and_diagnosed(processes: Any, axis: Axis, tmp_path: Path) -> None:
+def test_a_change_is_told_recorded_and_diagnosed_and_a_restart_learns_anew(processes: Any, axis: Axis, tmp_path: Path) -> None:
     started(processes, axis, tmp_path)
     assert "no bag around a change" in axis.call("diagnose").message
     axis.move(states(60.0))
@@ -150,26 +159,20 @@ def test_a_change_is_told_recorded_and_diagnosed(processes: Any, axis: Axis, tmp
     assert axis.asked[0].directory == f"{bag.name}_diagnosis"
     assert axis.call("forget").success
     assert not axis.call("forget").success
-    axis.move(states(20.0, coulomb=1.1, seed=3))
-    assert wait_until(lambda: len(list(tmp_path.glob("change_*"))) == 2), "the first bag is kept, and a second one written"
+    axis.set("diagnose", True)
+    axis.move(states(20.0, coulomb=0.9, seed=3))
+    assert wait_until(lambda: len(axis.asked) == 2, 20.0), "with this parameter a change is diagnosed at once"
+    assert len(list(tmp_path.glob("change_*"))) == 2, "the first bag is kept, and a second one written"
+    assert axis.says("The model lacks what the test says.")
+    assert "fell by" in axis.report.message
     assert axis.call("learn").success
     axis.move(states(1.0))
     assert wait_until(lambda: axis.evidence[-1].learned < 0.1 and not axis.evidence[-1].changed)
     assert processes.interrupt("monitor") == 0
-
-
-def test_a_restarted_monitor_learns_anew_and_diagnoses_by_itself(processes: Any, axis: Axis, tmp_path: Path) -> None:
-    started(processes, axis, tmp_path, "-p", "diagnose:=true")
-    axis.move(states(10.0))
-    processes.kill("monitor")
     axis.report = Report(0.0, 0, "", {})
-    started(processes, axis, tmp_path, "-p", "diagnose:=true", label="again")
-    axis.move(states(60.0))
-    assert axis.says("'phase': 'watching'", 120.0), "where nothing is compiled yet, this takes a while"
-    axis.move(states(10.0, coulomb=0.9))
-    assert wait_until(lambda: bool(axis.asked), 20.0), "a change is diagnosed"
-    assert axis.says("The model lacks what the test says.")
-    assert "fell by" in axis.report.message
+    started(processes, axis, tmp_path, label="again")
+    axis.move(states(3.0))
+    assert wait_until(lambda: 0.0 < axis.evidence[-1].learned < 0.2), "what was learned is not kept"
 
 
 THERMAL = "{effect: temperature_dependent_friction, parameters: {dry: -0.01, viscous: 0.0}}"
@@ -266,8 +269,6 @@ def test_bad_parameters_are_refused_in_one_line(together: Callable[..., Any], wo
 
 
 def test_a_changed_limit_keeps_what_was_learned_and_another_axis_does_not(together: Callable[..., Any]) -> None:
-    from rclpy.parameter import Parameter
-
     node = together("-p", f"period:={PERIOD}", nodes=["monitor"])["monitor"]
     hear(node, states(2.0))
     watch = node._watch_over
