@@ -22,5 +22,6 @@ BENCHMARKS = {
     "hardware": "every friction law on every recording of real hardware",
     "hostile": "files drawn to hurt, beside the limits of time and memory",
     "compensated": "tracking for having been diagnosed, beside an axis without the effects",
+    "monitor": "the watch for changes: false alarms in a day, time until a change is told, cost of a tick",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_plant(parser)
     parser.add_argument("--realtime", action="store_true", help="real-time clock, and real-time scheduling as far as permitted")
     parser.add_argument("--cores", metavar="2,3", help="with --realtime: the processor cores to use (default: all)")
+    parser.add_argument("--monitor", action="store_true", help="the node monitor as well, which tells when physics changes")
     parser.add_argument("--processes", action="store_true", help="one process for each node")
 
 
@@ -56,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         driven += graph.mujoco_arguments(arguments.model, arguments.joint)
     by_axis = axes.arguments_by_axis(arguments.axis, arguments.reference, [*driven, *arguments.ros_arguments])
     names = tuple(plant if name == "plant" else name for name in graph.GRAPH if name != "plant" or not arguments.no_plant)
+    names += ("monitor",) if arguments.monitor else ()
     place = "one process each" if arguments.processes else "one process"
     whose = f" of {', '.join(by_axis)}" if len(by_axis) > 1 else ""
     print(f"tcs-friction: {', '.join(names)}{whose} in {place}, until Ctrl-C", file=sys.stderr)

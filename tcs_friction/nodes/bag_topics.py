@@ -14,7 +14,10 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.encode import known_definition
 from tcs_friction.recording.metadata import whole_number
+from tcs_friction.recording.record import definition_text
 from tcs_friction.yaml_files import parse_yaml
 
 DEPTH = 1000
@@ -50,6 +53,13 @@ def installed_definition(msgtype: str) -> str | None:
         return Path(get_package_share_directory(package), "msg", f"{name}.msg").read_text()
     except (PackageNotFoundError, OSError, ValueError):
         return None
+
+
+def recorded_channel(topic: str, msgtype: str, offered: Sequence[Any]) -> tuple[Channel, str]:
+    """A topic as a bag has it, and the hash of its type; `offered`: what its publishers say of themselves."""
+    definition = definition_text(msgtype, installed_definition) or known_definition(msgtype)
+    profiles = profiles_text([endpoint.qos_profile for endpoint in offered])
+    return Channel(topic, msgtype, "cdr", definition, "ros2msg", profiles), str(offered[0].topic_type_hash)
 
 
 def subscription_profile(offered: Sequence[QoSProfile]) -> QoSProfile:

@@ -34,6 +34,8 @@ CLASSES = {
     "diagnoser": "Diagnoser",
     "commission": "Commission",
 }
+BESIDE = {"monitor": "Monitor"}
+"""Nodes of an axis that are not part of its graph unless they are asked for."""
 DRIVERS = {"canopen_drive": "CanopenDrive", "ros2_control_driver": "Ros2ControlDriver"}
 """Nodes for real drives, in the folder `drivers`."""
 PLANTS = {"mujoco_plant": "MujocoPlant", **DRIVERS}
@@ -41,7 +43,7 @@ PLANTS = {"mujoco_plant": "MujocoPlant", **DRIVERS}
 LOOP = ("plant", "controller", "reference", "dob", "lugre_compensator")
 """On one executor the node made first hears first: in real time the controller answers a state before others work on it."""
 GRAPH = tuple(CLASSES)
-OTHERS = ("recorder", "player", "dynamometer", *PLANTS)
+OTHERS = (*BESIDE, "recorder", "player", "dynamometer", *PLANTS)
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 PATIENCE = 5.0  # s that a process gets to end after the first signal
 
@@ -59,7 +61,7 @@ def module_of(name: str) -> str:
 def factory(name: str) -> Callable[[], Node]:
     """The class of a node of the graph; its module is imported now."""
     module = importlib.import_module(module_of(name))
-    made: Callable[[], Node] = getattr(module, (CLASSES | PLANTS)[name])
+    made: Callable[[], Node] = getattr(module, (CLASSES | BESIDE | PLANTS)[name])
     return made
 
 

@@ -164,6 +164,10 @@ class Jobs:
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
+    async def run(self, request: Any, answer: Any) -> Any:
+        """The job as if it had been asked for over the network; the answer says how it went."""
+        return await self._guarded(request, answer, Progress())
+
     async def _serve(self, request: Any, response: Any) -> Any:
         return await self._guarded(request, response, Progress())
 

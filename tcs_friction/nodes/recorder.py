@@ -14,18 +14,11 @@ from typing import Any
 from rclpy.event_handler import SubscriptionEventCallbacks
 
 from tcs_friction.control.config_field import choice, setting, text, texts
-from tcs_friction.nodes.bag_topics import (
-    installed_definition,
-    message_class,
-    profiles_text,
-    subscription_profile,
-)
+from tcs_friction.nodes.bag_topics import message_class, recorded_channel, subscription_profile
 from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.steady import steady_timer
-from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.encode import known_definition
-from tcs_friction.recording.record import BagRecorder, definition_text
+from tcs_friction.recording.record import BagRecorder
 
 SECOND = 1_000_000_000
 
@@ -105,15 +98,13 @@ class RecorderNode(PlainNode[RecorderConfig]):
         if kind is None:
             self.get_logger().warning(f"{topic} is not recorded: package of {msgtype} not installed")
             return
-        profiles = [endpoint.qos_profile for endpoint in offered]
-        definition = definition_text(msgtype, installed_definition) or known_definition(msgtype)
-        if not definition:
+        channel, type_hash = recorded_channel(topic, msgtype, offered)
+        if not channel.definition:
             self.get_logger().warning(f"{topic} is recorded without the definition of {msgtype}, which was not found")
-        channel = Channel(topic, msgtype, "cdr", definition, "ros2msg", profiles_text(profiles))
-        number = self.bag.add_topic(channel, str(offered[0].topic_type_hash))
+        number = self.bag.add_topic(channel, type_hash)
         write, now = self.bag.write, self._now
         events = SubscriptionEventCallbacks(message_lost=self._on_lost)
-        profile = subscription_profile(profiles)
+        profile = subscription_profile([endpoint.qos_profile for endpoint in offered])
         self.create_subscription(
             kind, topic, lambda raw: write(number, now(), raw), profile, event_callbacks=events, raw=True
         )

@@ -16,7 +16,7 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
+from tcs_friction_msgs.msg import AxisEvidence, AxisReference, AxisTorque, FrictionEstimate
 
 from tcs_friction.nodes.convert import SECOND, nanoseconds
 
@@ -54,6 +54,22 @@ class Wire:
 
 REFERENCE = Wire(AxisReference, ("position", "velocity", "acceleration"))
 TORQUE = Wire(AxisTorque, ("torque",))
+EVIDENCE = Wire(
+    AxisEvidence,
+    (
+        "residual",
+        "unexplained",
+        "evidence",
+        "time",
+        "direction",
+        "speed",
+        "position",
+        "order",
+        "frequency",
+        "learned",
+    ),
+    "changed",
+)
 ESTIMATE = Wire(FrictionEstimate, ("torque", "velocity", "residual"), "valid")
 
 

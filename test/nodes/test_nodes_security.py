@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.action import get_action_client_names_and_types_by_node, get_action_server_names_and_types_by_node
 
-from tcs_friction.nodes.graph import GRAPH, PLANTS, node_names
+from tcs_friction.nodes.graph import BESIDE, GRAPH, PLANTS, node_names
 
 POLICY = Path(__file__).resolve().parents[2] / "security" / "policy.xml"
 NAMESPACE = "/azimuth"
@@ -73,11 +73,12 @@ EVERYWHERE = {"subscribe": {"/parameter_events", "/clock"}, "publish": {"/parame
 def test_the_policy_is_what_the_nodes_do(together: Callable[..., Any]) -> None:
     allowed = policy()
     assert set(allowed) == set(node_names()) - set(PLANTS), "what takes the plant's place has its name"
-    graph = together(nodes=GRAPH)
-    for name in GRAPH:
+    together_made = (*GRAPH, *BESIDE)
+    graph = together(nodes=together_made)
+    for name in together_made:
         assert graph.until(lambda name=name: of_node(graph.driver, name)["reply"]), name
     graph.for_seconds(1.0)
-    for name in GRAPH:
+    for name in together_made:
         does = of_node(graph.driver, name)
         for rule, names in does.items():
             more = names - allowed[name][rule]

@@ -11,18 +11,23 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from tcs_friction.nodes.convert import SECOND, nanoseconds, set_stamp
-from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE, JointWire, Wire
+from tcs_friction.nodes.wire import ESTIMATE, EVIDENCE, REFERENCE, TORQUE, JointWire, Wire
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 stamps = st.integers(0, 2**31 * SECOND - 1)
-WIRES = {"reference": (REFERENCE, 3, ()), "torque": (TORQUE, 1, ()), "estimate": (ESTIMATE, 3, (True,))}
+WIRES = {
+    "reference": (REFERENCE, 3, ()),
+    "torque": (TORQUE, 1, ()),
+    "estimate": (ESTIMATE, 3, (True,)),
+    "evidence": (EVIDENCE, 10, (True,)),
+}
 
 
 @pytest.mark.parametrize("name", WIRES)
 @given(stamp=stamps, values=st.lists(finite, min_size=3, max_size=3))
 def test_ros_reads_what_is_written_and_the_other_way_round(name: str, stamp: int, values: list[float]) -> None:
     wire, count, flag = WIRES[name]
-    numbers = (*values[:count], *flag)
+    numbers = (*(4 * values)[:count], *flag)
     message = deserialize_message(wire.write(stamp, *numbers), wire.kind)
     assert nanoseconds(message.header.stamp) == stamp
     fields = [name for name in message.get_fields_and_field_types() if name != "header"]
@@ -34,7 +39,7 @@ def test_ros_reads_what_is_written_and_the_other_way_round(name: str, stamp: int
 @pytest.mark.parametrize("frame", ["", "b", "base_link", "base_links"])
 def test_a_frame_name_moves_the_numbers(name: str, frame: str) -> None:
     wire, count, flag = WIRES[name]
-    numbers = (*(1.5, -2.5, 3.5)[:count], *flag)
+    numbers = (*(4 * (1.5, -2.5, 3.5))[:count], *flag)
     message = deserialize_message(wire.write(5, *numbers), wire.kind)
     message.header.frame_id = frame
     assert wire.read(serialize_message(message)) == (5, numbers)
