@@ -20,5 +20,6 @@ BENCHMARKS = {
     "hardware": "every friction law on every recording of real hardware",
     "hostile": "files drawn to hurt, beside the limits of time and memory",
     "compensated": "tracking for having been diagnosed, beside an axis without the effects",
+    "fleet_year": "changes in years of stored results: false ones, and planted ones within their errors",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

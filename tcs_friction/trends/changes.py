@@ -110,7 +110,8 @@ def trend_of(series: Series, reference_temperature: float, false_rate: float) ->
     noise = noise_of(design, series, len(shapes))
     fit = least_squares(design, series.value, noise)
     changes = tuple(
-        _change(series, base, shapes, k, fit, noise, chances[k]) for k in sorted(range(len(shapes)), key=lambda k: shapes[k].place)
+        _change(series, base, shapes, k, fit, noise, chances[k])
+        for k in sorted(range(len(shapes)), key=lambda k: shapes[k].place)
     )
     return Trend(series, fit, noise, changes, _now(fit, base), searched)
 
@@ -188,7 +189,9 @@ def _placed(series: Series, base: Design, shapes: list[Shape]) -> list[Shape]:
             options = [s for s in shapes_of(len(series), len(series)) if s not in others]
             scores = statistics(series, _with(base, series, others), options, noise)
             best = _earliest_beginning(options, scores, options[int(np.argmax(scores))])
-            if np.max(scores) > 0.0 and (best.kind == shape.kind or len(placed) == 1 or _clearly(options, scores, best, shape)):
+            if np.max(scores) > 0.0 and (
+                best.kind == shape.kind or len(placed) == 1 or _clearly(options, scores, best, shape)
+            ):
                 placed[k] = best
         if placed == before:
             break
@@ -211,9 +214,19 @@ def _change(
     day = float(series.day[shape.place])
     if shape.kind == "step":
         day = 0.5 * (day + float(series.day[shape.place - 1]))
-    level = _level_before(fit, base, series, shapes, shape)
+    level = _level_before(fit, series, shapes, shape)
     return Change(
-        series.name, series.unit, shape.kind, day, earliest, latest, size * span, std * span, level, chance, shape.place
+        series.name,
+        series.unit,
+        shape.kind,
+        day,
+        earliest,
+        latest,
+        size * span,
+        std * span,
+        level,
+        chance,
+        shape.place,
     )
 
 
@@ -229,13 +242,15 @@ def _dates(series: Series, base: Design, shapes: list[Shape], k: int, noise: Noi
     scores = statistics(series, others, options, noise)
     degrees = max(count - others.columns.shape[1] - 1, 1)
     ratio = degrees * np.log1p(scores / degrees)
-    near = [option.place for option, value in zip(options, ratio, strict=True) if value >= ratio.max() - allowed]
+    near = [
+        option.place for option, value in zip(options, ratio, strict=True) if value >= ratio.max() - allowed
+    ]
     near.append(shapes[k].place)
     first = min(near) - 1 if kind == "step" else min(near)
     return float(series.day[first]), float(series.day[max(near)])
 
 
-def _level_before(fit: Fit, base: Design, series: Series, shapes: list[Shape], shape: Shape) -> float:
+def _level_before(fit: Fit, series: Series, shapes: list[Shape], shape: Shape) -> float:
     """Value at the reference temperature just before a change, with the changes before it."""
     level = fit.value("level")[0]
     at = max(shape.place - 1, 0)

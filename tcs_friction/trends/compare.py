@@ -20,8 +20,8 @@ CONFIDENCE = 0.95
 class Standing:
     """A parameter of an axis against the others of its law, all at one temperature.
 
-    value, std: of the axis now. expected, lower, upper: where the others let it be expected (95 %), NaN of fewer than FEWEST others.
-    p_value: chance of being so far off, or farther, for one more axis of the fleet. spread: standard deviation between the others.
+    value, std: of the axis now. expected, lower, upper: where the others let it be expected (95 %), NaN of fewer than FEWEST.
+    spread: standard deviation between the others. p_value: chance of being so far off, or farther, for one more axis like them.
     """
 
     axis: str
@@ -38,7 +38,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Difference:
-    """Two axes of one law and what they differ by: second less first, its standard deviation, and the chance of it in equal ones."""
+    """Two axes of one law and what they differ by: second less first, and the chance of that in equal ones."""
 
     first: str
     second: str
@@ -64,7 +64,9 @@ def standings(parameter: str, unit: str, levels: Mapping[str, tuple[float, float
         degrees = len(others) - 1
         reach = float(student.ppf(0.5 + 0.5 * CONFIDENCE, degrees)) * width
         chance = 2.0 * float(student.sf(abs(value - mean) / width, degrees)) if width > 0.0 else 1.0
-        found.append(Standing(axis, parameter, unit, value, std, mean, mean - reach, mean + reach, spread, chance))
+        found.append(
+            Standing(axis, parameter, unit, value, std, mean, mean - reach, mean + reach, spread, chance)
+        )
     return found
 
 
@@ -78,12 +80,16 @@ def differences(parameter: str, unit: str, levels: Mapping[str, tuple[float, flo
             std = math.hypot(levels[first][1], levels[second][1])
             chance = math.erfc(abs(value) / std / math.sqrt(2.0)) if std > 0.0 else 1.0
             size = abs(levels[first][0])
-            found.append(Difference(first, second, parameter, unit, value, std, value / size if size else math.inf, chance))
+            found.append(
+                Difference(
+                    first, second, parameter, unit, value, std, value / size if size else math.inf, chance
+                )
+            )
     return found
 
 
 def pooled(value: Array, std: Array) -> tuple[float, float, float]:
-    """Mean of axes that differ from each other, its standard deviation, and the standard deviation between axes (Paule, Mandel)."""
+    """Mean of axes that differ, its standard deviation, and the standard deviation between axes (Paule and Mandel)."""
     degrees = len(value) - 1
 
     def mean_with(variance: float) -> tuple[float, Array]:

@@ -44,7 +44,9 @@ class Event:
     needs_person: bool
 
 
-def events_of(rows: AxisRows, trends: Mapping[str, Trend], presences: Sequence[Presence], level: float) -> list[Event]:
+def events_of(
+    rows: AxisRows, trends: Mapping[str, Trend], presences: Sequence[Presence], level: float
+) -> list[Event]:
     """The events of an axis, the one with most torque first. level: of its dry friction, N m (N); NaN where unknown."""
     changes = [change for trend in trends.values() for change in trend.changes]
     drifts = [change for change in changes if change.kind == "drift"]
@@ -73,7 +75,12 @@ def _together(ones: list[Change | Presence]) -> tuple[list[Change | Presence], l
 
 
 def _event(
-    kind: str, rows: AxisRows, trends: Mapping[str, Trend], changes: list[Change], presences: list[Presence], level: float
+    kind: str,
+    rows: AxisRows,
+    trends: Mapping[str, Trend],
+    changes: list[Change],
+    presences: list[Presence],
+    level: float,
 ) -> Event:
     ordered = sorted(changes, key=lambda one: -abs(one.size) / one.std)
     ordered.sort(key=lambda one: -_weight(one, rows, level))
@@ -83,7 +90,9 @@ def _event(
         earliest, latest = min(one.earliest for one in dated), max(one.latest for one in dated)
     ruled_out, left_open = _other_reasons(kind, rows, trends, ordered, earliest, latest)
     what = cause(rows.law, ordered, presences)
-    weight = max([*(_weight(one, rows, level) for one in ordered), *(one.torque_rms / level for one in presences), 0.0])
+    weight = max(
+        [*(_weight(one, rows, level) for one in ordered), *(one.torque_rms / level for one in presences), 0.0]
+    )
     weight = weight if np.isfinite(weight) else 1.0
     made = any("way of recording" in reason or "software" in reason for reason in left_open)
     day = 0.5 * (earliest + latest)
@@ -99,7 +108,12 @@ def _weight(change: Change, rows: AxisRows, level: float) -> float:
     speed = float(np.nanmedian(rows.columns["speed_rms"])) if len(rows) else np.nan
     if change.unit in ("N m", "N") and level > 0.0:
         return abs(change.size) / level
-    if change.unit in ("N m s/rad", "N s/m") and level > 0.0 and "." not in change.parameter and np.isfinite(speed):
+    if (
+        change.unit in ("N m s/rad", "N s/m")
+        and level > 0.0
+        and "." not in change.parameter
+        and np.isfinite(speed)
+    ):
         return min(abs(change.size) * speed / level, abs(change.relative))
     return min(abs(change.relative), 1.0) if np.isfinite(change.relative) else 0.0
 
@@ -145,7 +159,12 @@ def _joined(words: Sequence[str]) -> str:
 
 
 def _other_reasons(
-    kind: str, rows: AxisRows, trends: Mapping[str, Trend], changes: Sequence[Change], earliest: float, latest: float
+    kind: str,
+    rows: AxisRows,
+    trends: Mapping[str, Trend],
+    changes: Sequence[Change],
+    earliest: float,
+    latest: float,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What is ruled out and what is left open, one line each."""
     ruled, left = [], []
@@ -169,9 +188,13 @@ def _other_reasons(
             left.append("software or axis file: another version since the same time")
         for name in PROGRAMME:
             if _shifted(rows.columns[name][before & rows.done], rows.columns[name][after & rows.done]):
-                stays = all(_stays(trends[one.parameter], one, name) for one in changes if one.parameter in trends)
+                stays = all(
+                    _stays(trends[one.parameter], one, name) for one in changes if one.parameter in trends
+                )
                 words = f"way of recording: {name.replace('_', ' ')} changed at the same time"
-                (ruled if stays and changes else left).append(words + (", which does not explain it" if stays and changes else ""))
+                (ruled if stays and changes else left).append(
+                    words + (", which does not explain it" if stays and changes else "")
+                )
         if not any("way of recording" in line for line in (*ruled, *left)):
             ruled.append("way of recording: range, speeds and length are the same before and after")
     return tuple(ruled), tuple(left)

@@ -87,10 +87,15 @@ def axis_trend(rows: AxisRows, reference_temperature: float, since: float | None
     shown = presences(rows, FALSE_RATE / tests)
     events = events_of(rows, trends, shown, dry_level(rows, trends))
     if since is not None:
-        events = [replace(e, needs_person=e.needs_person and (e.kind == "drift" or e.latest >= since)) for e in events]
+        events = [
+            replace(e, needs_person=e.needs_person and (e.kind == "drift" or e.latest >= since))
+            for e in events
+        ]
     calling = [event for event in events if event.needs_person]
     reasons = (*(event.statement for event in calling), *_failing(rows))
-    return AxisTrend(rows, trends, tuple(shown), tuple(events), reasons, max((e.weight for e in calling), default=0.0))
+    return AxisTrend(
+        rows, trends, tuple(shown), tuple(events), reasons, max((e.weight for e in calling), default=0.0)
+    )
 
 
 def all_series(rows: AxisRows) -> list[Series]:
@@ -114,11 +119,19 @@ def _effect_series(rows: AxisRows, name: str) -> list[Series]:
         return []
     term = known_effects().get(name)
     phases = {p.name for p in term.parameters if p.role in (Role.PHASE, Role.FIXED)} if term else set()
-    units = {key: unit for item in largest if item for key, (_, _, unit) in item.parameters.items() if key not in phases}
+    units = {
+        key: unit
+        for item in largest
+        if item
+        for key, (_, _, unit) in item.parameters.items()
+        if key not in phases
+    }
     found = []
     for key, unit in units.items():
         nothing = (math.nan, math.nan, unit)
-        pairs: Array = np.array([(item.parameters.get(key, nothing) if item else nothing)[:2] for item in largest])
+        pairs: Array = np.array(
+            [(item.parameters.get(key, nothing) if item else nothing)[:2] for item in largest]
+        )
         known = np.isfinite(pairs).all(axis=1) & (pairs[:, 1] > 0.0)
         value, std = np.where(known, pairs.T, np.nan)
         if np.count_nonzero(known) >= FEWEST:
@@ -139,7 +152,9 @@ def _failing(rows: AxisRows) -> list[str]:
     if len(last) < FAILING or not all(last):
         return []
     first = len(rows) - next((k for k, ok in enumerate(rows.done[::-1]) if ok), len(rows))
-    return [f"{len(rows) - first} recordings in a row could not be identified since {date(rows.day[first])}: {last[-1]}"]
+    return [
+        f"{len(rows) - first} recordings in a row could not be identified since {date(rows.day[first])}: {last[-1]}"
+    ]
 
 
 def _reference_temperature(rows: Sequence[AxisRows]) -> float:

@@ -2,7 +2,7 @@
 
     value = level + a (T - T0) + b (T - T0)^2 + warm-up + season + changes + scatter + measurement error
 
-The standard deviations of identifications are often too small: a scatter between recordings is added to them as a random effect. Its
+The standard deviations of identifications are often too small: a scatter between recordings is added as a random effect. Its
 size is Paule and Mandel's (J. Res. NBS 87, 1982, 377; for regressions as by DerSimonian and Kacker, Contemp. Clin. Trials 28,
 2007, 105): that with which the weighted squares have their expectation. Neighbours in time are alike: errors are AR(1) in time.
 Which terms a model has depends on what was recorded and never on the values, so that no test is made on terms chosen by them.
@@ -22,7 +22,10 @@ from tcs_friction.trends.series import Series
 YEAR = 365.25  # days
 FEWEST = 8  # values for a slope over temperature
 FEWEST_BENT = 20  # values for its curvature
-TEMPERATURE_SPREAD, BENT_SPREAD = 1.0, 3.0  # degC, standard deviation, from which on slope and curvature are told
+TEMPERATURE_SPREAD, BENT_SPREAD = (
+    1.0,
+    3.0,
+)  # degC, standard deviation, from which on slope and curvature are told
 WARM_UP_SPREAD = 0.2  # degC, standard deviation of the change within recordings
 SEASONS = 1.9  # years, from which on a course that repeats every year is no drift
 SEASON_INSTEAD = 0.75  # years, from which on season stands for a temperature that was not recorded
@@ -85,7 +88,7 @@ class Fit:
 
 
 def normal_design(series: Series, reference_temperature: float) -> Design:
-    """The columns that are normal: level, temperature (per degC), its square, warm-up and season, as far as the recordings reach."""
+    """What is normal: level, temperature (per degC), its square, warm-up and season, as far as the recordings reach."""
     count = len(series)
     names, columns = ["level"], [np.ones(count)]
     warmer = series.temperature - reference_temperature

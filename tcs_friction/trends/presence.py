@@ -21,7 +21,7 @@ CONFIDENCE = 0.95
 class Presence:
     """An effect that appeared (or vanished) between `earliest` and `latest` (days since 1970).
 
-    before, after: share of the diagnosed recordings that have it. example: the largest one named; equivalent: what else it may be.
+    before, after: share of the diagnosed recordings that have it. example: the largest one; equivalent: what else it may be.
     """
 
     effect: str

@@ -28,9 +28,13 @@ def read_axes(out: str, filesystem: Any = None) -> Iterator[AxisRows]:
     where = f"{out.rstrip('/')}/rows"
     try:
         hive = dataset.partitioning(_KEYS, flavor="hive")
-        rows = dataset.dataset(where, filesystem=filesystem, format="parquet", partitioning=hive, exclude_invalid_files=True)
+        rows = dataset.dataset(
+            where, filesystem=filesystem, format="parquet", partitioning=hive, exclude_invalid_files=True
+        )
     except (OSError, pyarrow.ArrowInvalid):
-        raise InputError(out, "holds no results of a fleet", "the OUT of ./tcs fleet PATHS... -o OUT") from None
+        raise InputError(
+            out, "holds no results of a fleet", "the OUT of ./tcs fleet PATHS... -o OUT"
+        ) from None
     missing = [name for name in NEEDED if name not in rows.schema.names]
     if missing:
         raise InputError(where, f"column {missing[0]} is missing", "rows that ./tcs fleet wrote")
@@ -58,7 +62,8 @@ def _plain(row: Mapping[str, Any], where: str) -> dict[str, Any]:
     try:
         content["effects"] = [_effect(entry) for entry in json.loads(row["effects"] or "[]")]
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(where, f"effects of {row['recording']} cannot be read ({error!r})", "JSON as in diagnosis.json") from None
+        found = f"effects of {row['recording']} cannot be read ({error!r})"
+        raise InputError(where, found, "JSON as in diagnosis.json") from None
     return content
 
 

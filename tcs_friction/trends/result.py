@@ -111,7 +111,8 @@ def _presence(one: Presence) -> dict[str, Any]:
         "torque_rms": _number(one.torque_rms),
         "p_value": _number(one.p_value),
         "parameters": {
-            name: {"value": _number(value), "std": _number(std), "unit": unit} for name, (value, std, unit) in parameters
+            name: {"value": _number(value), "std": _number(std), "unit": unit}
+            for name, (value, std, unit) in parameters
         },
     }
 

@@ -85,7 +85,9 @@ def rows_of(axis: str, content: Sequence[Mapping[str, Any]]) -> AxisRows:
     law = _usual([row["law"] for row in timed if row["law"] is not None])
     same = [row for row in timed if row["law"] in (None, law)]
     if len(same) < len(timed):
-        left_out.append(f"{len(timed) - len(same)} recordings were identified with another law than {law} and are left out")
+        left_out.append(
+            f"{len(timed) - len(same)} recordings were identified with another law than {law} and are left out"
+        )
     return _columns(axis, law, same, tuple(left_out))
 
 

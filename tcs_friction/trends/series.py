@@ -12,7 +12,9 @@ from tcs_friction.numerics.runs import runs
 from tcs_friction.trends.rows import PROGRAMME, SURROUNDINGS, Array, AxisRows, Mask
 
 NIGHT = 1.0  # day: recordings that are nearer than this are one: they share temperature, lubricant film and mounting
-FINEST = 200  # so many times NIGHT has to fit into all the time; recordings of a single day are joined over less
+FINEST = (
+    200  # so many times NIGHT has to fit into all the time; recordings of a single day are joined over less
+)
 OUTLYING = 6.0  # robust standard deviations from the neighbours; of Gaussian errors, 1 in 5e8 is farther off
 NEIGHBOURS = 4  # on each side
 FEWEST_NEIGHBOURS = 4
@@ -47,7 +49,9 @@ class Series:
         return len(self.day)
 
 
-def series_of(rows: AxisRows, name: str, unit: str, value: Array, std: Array, silent: Mask | None = None) -> Series:
+def series_of(
+    rows: AxisRows, name: str, unit: str, value: Array, std: Array, silent: Mask | None = None
+) -> Series:
     """The parameter's values and standard deviations (n,) of the recordings of `rows`, NaN where not determined, as a series.
 
     silent: recordings that cannot tell it whatever they claim.
@@ -99,7 +103,11 @@ def outliers(day: Array, value: Array, std: Array, temperature: Array) -> Mask:
     for k in range(count):
         start = max(0, k - NEIGHBOURS)
         before, after = level[start:k], level[k + 1 : k + 1 + NEIGHBOURS]
-        nearest = [np.median(side) for side in (before, after, np.concatenate([before, after])) if len(side) >= FEWEST_NEIGHBOURS]
+        nearest = [
+            np.median(side)
+            for side in (before, after, np.concatenate([before, after]))
+            if len(side) >= FEWEST_NEIGHBOURS
+        ]
         distance[k] = min(np.abs(level[k] - np.array(nearest)))
     scale = MAD * np.median(distance)
     return _alone(distance > OUTLYING * np.hypot(max(scale, 1e-12 * _size(value)), std))
@@ -137,9 +145,21 @@ def _joined(
     columns = {key: mean(rows.columns[key]) for key in (*SURROUNDINGS, *PROGRAMME)}
     count = np.diff([*edges, len(where)]).astype(np.float64)
     version = tuple(rows.version[where[k]] for k in edges)
-    spread = np.sqrt(np.add.reduceat((weight * std[where]) ** 2, edges)) / total if len(edges) else np.zeros(0)
+    spread = (
+        np.sqrt(np.add.reduceat((weight * std[where]) ** 2, edges)) / total if len(edges) else np.zeros(0)
+    )
     return Series(
-        name, unit, mean(rows.day), mean(value), spread, mean(temperature), columns, count, version, left_out, outlying
+        name,
+        unit,
+        mean(rows.day),
+        mean(value),
+        spread,
+        mean(temperature),
+        columns,
+        count,
+        version,
+        left_out,
+        outlying,
     )
 
 

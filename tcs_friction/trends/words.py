@@ -55,7 +55,8 @@ def when(day: float, earliest: float, latest: float) -> str:
 def amount(change: Change) -> str:
     """`14.0 ± 0.3 % up`, or in the parameter's unit where the level is near zero."""
     way = "up" if change.size > 0.0 else "down"
-    if abs(change.level) > 3.0 * abs(change.size) or (abs(change.level) > 0.2 * abs(change.size) and change.parameter != "offset"):
+    share = abs(change.level) / abs(change.size)
+    if share > 3.0 or (share > 0.2 and change.parameter != "offset"):
         scale = 100.0 / abs(change.level)
         return f"{abs(change.size) * scale:.3g} ± {change.std * scale:.2g} % {way}"
     return f"{abs(change.size):.3g} ± {change.std:.2g} {change.unit} {way}"
