@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import mannwhitneyu
 
-from tcs_friction.trends.changes import Change, Trend
-from tcs_friction.trends.normal import YEAR, least_squares, noise_of
+from tcs_friction.physics.parameters import Feature
+from tcs_friction.trends.changes import Change, Shape, Trend, statistics
+from tcs_friction.trends.normal import YEAR, Design, least_squares, noise_of
 from tcs_friction.trends.presence import Presence
 from tcs_friction.trends.rows import PROGRAMME, AxisRows
 from tcs_friction.trends.series import Series
-from tcs_friction.trends.words import amount, cause, spoken, when
+from tcs_friction.trends.words import amount, cause, feature_of, spoken, when
 
 MATTERS = 0.02  # of the friction level; less is listed and calls nobody
 MOST_NAMED = 4  # changes in a sentence
 SHIFTED = 1e-4  # chance below which the way of recording counts as changed
 SUDDEN = 45.0  # days: a season is not so quick
+SURE = 4.0  # standard deviations that a change has to have beside the way of recording
 STAYS = 0.5  # share of a change that stays when the way of recording is taken into account
 
 
@@ -83,7 +85,9 @@ def _event(
     level: float,
 ) -> Event:
     ordered = sorted(changes, key=lambda one: -abs(one.size) / one.std)
-    ordered.sort(key=lambda one: -_weight(one, rows, level))
+    ordered.sort(
+        key=lambda one: (feature_of(rows.law, one.parameter) is not Feature.DRY, -_weight(one, rows, level))
+    )
     dated: list[Change | Presence] = [*ordered, *presences]
     earliest, latest = max(one.earliest for one in dated), min(one.latest for one in dated)
     if kind == "drift" or earliest > latest:
@@ -220,12 +224,19 @@ def _shifted(before: np.ndarray, after: np.ndarray) -> bool:
 
 
 def _stays(trend: Trend, change: Change, name: str) -> bool:
-    """Whether a change remains when the column is among the terms that are normal."""
+    """Whether a change remains, and can be told at all, when the column is among the terms that are normal."""
     series: Series = trend.series
     column = series.columns[name]
     if not np.isfinite(column).all() or np.std(column) == 0.0:
         return True
-    design = trend.fit.design.with_columns((name,), (column - column.mean())[:, None] / np.std(column))
-    fit = least_squares(design, series.value, noise_of(design, series, len(trend.changes)))
-    size, std = fit.value(f"{change.kind} {change.place}")
-    return size / change.size > STAYS and abs(size) > 4.0 * std
+    own = f"{change.kind} {change.place}"
+    known = trend.fit.design
+    beside = [k for k, term in enumerate(known.names) if term != own]
+    others = Design(tuple(known.names[k] for k in beside), known.columns[:, beside].copy())
+    others = others.with_columns((name,), (column - column.mean())[:, None] / np.std(column))
+    shape = Shape(change.kind, change.place)
+    design = others.with_columns((own,), shape.column(series.day)[:, None])
+    noise = noise_of(design, series, len(trend.changes))
+    if statistics(series, others, [shape], noise)[0] < SURE**2:
+        return False
+    return bool(least_squares(design, series.value, noise).value(own)[0] / change.size > STAYS)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 
 from tcs_friction.errors import InputError
-from tcs_friction.physics.parameters import Feature
+from tcs_friction.physics.parameters import Feature, Parameter
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.trends.changes import Change
 from tcs_friction.trends.presence import Presence
@@ -25,8 +25,13 @@ ALIKE = 3.0  # standard deviations within which relative changes are the same
 
 def feature_of(law_name: str, parameter: str) -> Feature | None:
     """What of the friction a parameter of a law describes; None of others."""
+    declared = _declared(law_name, parameter)
+    return declared.feature if declared else None
+
+
+def _declared(law_name: str, parameter: str) -> Parameter | None:
     try:
-        return next((p.feature for p in law(law_name).parameters if p.name == parameter), None)
+        return next((p for p in law(law_name).parameters if p.name == parameter), None)
     except InputError:  # a law of a package that is not installed here
         return None
 
@@ -34,10 +39,13 @@ def feature_of(law_name: str, parameter: str) -> Feature | None:
 def spoken(parameter: str, law_name: str = "") -> str:
     """A parameter's name as people say it."""
     words = parameter.replace(".", ": ").replace("_", " ")
-    feature = feature_of(law_name, parameter)
-    if feature is Feature.DRY and parameter.isalpha():
+    declared = _declared(law_name, parameter)
+    if declared is None or not parameter.isalpha():
+        return words
+    if declared.feature is Feature.DRY:
         return f"{words.capitalize()} friction"
-    return f"{words} friction" if feature is Feature.VISCOUS else words
+    torque = declared.feature is Feature.STRIBECK and declared.unit == "N m"
+    return f"{words} friction" if torque or declared.feature is Feature.VISCOUS else words
 
 
 def date(day: float) -> str:

@@ -97,7 +97,7 @@ def _mark(axes: Axes, kind: str, day: float, earliest: float, latest: float) -> 
     axes.axvline(at, color=BELIEVED, lw=1.2, ls="--" if kind == "step" else ":")  # type: ignore[arg-type]
     words = date(day) if kind == "step" else f"drift from {date(day)}"
     axes.annotate(words, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9), textcoords="offset points",
-                  color=BELIEVED, fontsize=8.5)  # type: ignore[arg-type]  # fmt: skip
+                  color=BELIEVED, fontsize=8.5)  # fmt: skip
 
 
 def _columns(trend: Trend, starts: tuple[str, ...]) -> Array:
