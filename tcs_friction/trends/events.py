@@ -99,7 +99,7 @@ def _event(
     )
     weight = weight if np.isfinite(weight) else 1.0
     made = any("way of recording" in reason or "software" in reason for reason in left_open)
-    day = 0.5 * (earliest + latest)
+    day = 0.5 * (earliest + latest) if kind == "step" else min(one.day for one in dated)
     return Event(
         kind, day, earliest, latest, tuple(ordered), tuple(presences),
         _statement(kind, rows, ordered, presences, (day, earliest, latest), what, made), what, ruled_out, left_open, weight,
@@ -139,7 +139,11 @@ def _statement(
         parts = [*parts[: MOST_NAMED - 1], f"{len(parts) - MOST_NAMED + 1} other parameters"]
     words = f"{_joined(parts)} {'in a slow drift since' if kind == 'drift' else 'since'} {when(*dates)}"
     places = [one.example for one in presences if one.example.coordinate == "position"]
-    if not places and any("." not in one.parameter for one in own) and rows.diagnosed.any():
+    if (
+        not places
+        and any(feature_of(rows.law, one.parameter) is not None for one in own)
+        and rows.diagnosed.any()
+    ):
         words += ", over all positions"
     if any(np.isfinite(rows.columns["temperature"])):
         words += ", not temperature"

@@ -181,7 +181,10 @@ def _compared(axes: Sequence[AxisTrend]) -> tuple[dict[str, list[Standing]], lis
 
 
 def _with_standings(axis: AxisTrend, beside: Sequence[Standing]) -> AxisTrend:
-    strange = [one for one in beside if one.p_value < STRANGE / max(len(beside), 1)]
+    said = {change.parameter for event in axis.events if event.needs_person for change in event.changes}
+    strange = [
+        one for one in beside if one.p_value < STRANGE / max(len(beside), 1) and one.parameter not in said
+    ]
     reasons = tuple(
         f"{spoken(one.parameter, axis.rows.law)} is {one.value:.4g} {one.unit}, while the other axes let "
         f"{one.lower:.4g} to {one.upper:.4g} be expected"

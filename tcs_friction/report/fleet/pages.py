@@ -80,13 +80,13 @@ def axis_page(axis: AxisTrend, fleet: FleetTrend) -> str:
     rows = axis.rows
     parts: list[Html] = [key_numbers(_axis_numbers(axis))]
     if axis.events:
-        parts.append(section("What happened", *(_event(event) for event in axis.events)))
+        parts.append(section("What happened", *(_event(event, rows.law) for event in axis.events)))
     ordered = sorted(axis.trends.values(), key=largest_shift, reverse=True)
     for trend in ordered:
         drawn = [over_time(trend, rows.law, fleet.reference_temperature), over_temperature(trend, rows.law)]
         pictures = "".join(picture(one) for one in drawn if one is not None)
         words = spoken(trend.series.name, rows.law)
-        remarks = [f"{count} recordings {reason}" for reason, count in trend.series.left_out.items()]
+        remarks = [f"{count} of the recordings {reason}" for reason, count in trend.series.left_out.items()]
         if not trend.searched:
             remarks.append("too few recordings to look for changes")
         small = note("; ".join(remarks) + ".") if remarks else Html("")
@@ -150,12 +150,12 @@ def _quiet(axes: Sequence[AxisTrend]) -> Html:
     return Html(f"<ul>{''.join(items)}</ul>")
 
 
-def _event(event: Event) -> Html:
+def _event(event: Event, law: str) -> Html:
     lines = "".join(f"<li>Ruled out: {text(line)}</li>" for line in event.ruled_out)
     lines += "".join(f"<li>Not ruled out: {text(line)}</li>" for line in event.open)
     head = _broken(event.statement)
     rows = [
-        [spoken(change.parameter), with_error(change.size, change.std), change.unit, f"{change.level:.4g}", date(change.day),
+        [spoken(change.parameter, law), with_error(change.size, change.std), change.unit, f"{change.level:.4g}", date(change.day),
          _chance(change.p_value)]
         for change in event.changes
     ]  # fmt: skip
