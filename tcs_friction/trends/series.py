@@ -20,7 +20,9 @@ NEIGHBOURS = 4  # on each side
 FEWEST_NEIGHBOURS = 4
 MAD = 1.4826  # of a Gaussian: standard deviation over median absolute deviation
 SEVERAL = 3  # neighbours that stand out together do not stand out alone
-WORTHLESS = 3.0  # a standard deviation larger than so many times the value's own size says nothing
+WORTHLESS = (
+    3.0  # a standard deviation so many times larger than the value, and than the usual one, says nothing
+)
 THEIL_POINTS = 400
 
 
@@ -62,7 +64,7 @@ def series_of(
     if silent is not None:
         _note(left_out, "never reverse, so they cannot tell it", kept & silent)
         kept &= ~silent
-    vague = kept & (std > WORTHLESS * _size(value[kept]))
+    vague = kept & (std > WORTHLESS * np.fmax(np.abs(value), _size(value[kept])))
     _note(left_out, "determine it too vaguely", vague)
     kept &= ~vague
     temperature = rows.columns["temperature"]

@@ -81,6 +81,18 @@ def test_undetermined_values_are_left_out_and_counted(unchanged: AxisRows) -> No
     assert series.day[0] > unchanged.day[19]
 
 
+def test_a_value_that_grew_far_beyond_the_usual_one_speaks_though_it_is_less_exact(
+    unchanged: AxisRows,
+) -> None:
+    """As an offset does when a cable pulls that the law knows nothing of."""
+    one = unchanged.estimates["offset"]
+    late = unchanged.day > unchanged.day[30]
+    value, std = one.value + np.where(late, 4.0, 0.0), np.where(late, 0.27, one.std)
+    series = series_of(unchanged, "offset", one.unit, value, std)
+    assert series.day[-1] == unchanged.day[np.isfinite(value)][-1]
+    assert "determine it too vaguely" not in series.left_out
+
+
 def test_one_wrong_value_is_set_aside_and_named(unchanged: AxisRows) -> None:
     one = unchanged.estimates["inertia"]
     value = one.value.copy()
