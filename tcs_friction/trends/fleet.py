@@ -21,6 +21,7 @@ from tcs_friction.trends.words import date, feature_of, spoken
 FALSE_RATE = 1e-3
 """Chance that anything at all is found on an axis on which nothing changed, for all its parameters and effects together."""
 
+LIKELY = 0.05  # chance of an effect that appears or vanishes, where a parameter is known to have changed then
 STRANGE = 1e-3  # chance below which an axis differs from its fleet, for all its parameters together
 FAILING = 5  # recordings in a row that could not be identified
 
@@ -84,7 +85,7 @@ def axis_trend(rows: AxisRows, reference_temperature: float, since: float | None
         trend = trend_of(one, reference_temperature, FALSE_RATE / tests)
         if trend is not None:
             trends[one.name] = trend
-    shown = presences(rows, FALSE_RATE / tests)
+    shown = _shown(rows, trends, FALSE_RATE / tests)
     events = events_of(rows, trends, shown, dry_level(rows, trends))
     if since is not None:
         events = [
@@ -96,6 +97,16 @@ def axis_trend(rows: AxisRows, reference_temperature: float, since: float | None
     return AxisTrend(
         rows, trends, tuple(shown), tuple(events), reasons, max((e.weight for e in calling), default=0.0)
     )
+
+
+def _shown(rows: AxisRows, trends: Mapping[str, Trend], false_rate: float) -> list[Presence]:
+    """Effects that appeared or vanished for certain, and those that likely did just when a parameter stepped: they explain it."""
+    steps = [change for trend in trends.values() for change in trend.changes if change.kind == "step"]
+
+    def at_a_step(one: Presence) -> bool:
+        return any(step.earliest <= one.latest and step.latest >= one.earliest for step in steps)
+
+    return [one for one in presences(rows, LIKELY) if one.p_value < false_rate or at_a_step(one)]
 
 
 def all_series(rows: AxisRows) -> list[Series]:

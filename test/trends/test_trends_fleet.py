@@ -63,6 +63,17 @@ def test_a_bump_that_appears_is_of_the_bearing() -> None:
     assert event.cause.startswith("bearing")
 
 
+def test_of_few_recordings_an_effect_explains_the_step_that_came_with_it() -> None:
+    """The effect alone would be no event yet: of 14 recordings, whichever it is named in might be chance."""
+    rows, day = year(8, bump=True, recordings=14)
+    assert of(rows).events == ()
+    one = rows.estimates["viscous"]
+    raised = replace(one, value=one.value + np.where(rows.day > day, 150.0, 0.0))
+    (event,) = of(replace(rows, estimates={**rows.estimates, "viscous": raised})).events
+    assert [shown.effect for shown in event.presences] == ["local_friction_bump"]
+    assert event.cause.startswith("bearing")
+
+
 def test_recordings_that_never_reverse_say_nothing_of_friction(unchanged: AxisRows) -> None:
     """They claim a Coulomb friction half as large again, and claim it exactly."""
     still = unchanged.columns["reversals"] == 0
