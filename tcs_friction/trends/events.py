@@ -93,6 +93,10 @@ def _event(
     if kind == "drift" or earliest > latest:
         earliest, latest = min(one.earliest for one in dated), max(one.latest for one in dated)
     ruled_out, left_open = _other_reasons(kind, rows, trends, ordered, earliest, latest)
+    if presences and any("." not in one.parameter for one in ordered):
+        left_open += (
+            "the law's parameters: identified without the effect, they may have changed by its share only",
+        )
     what = cause(rows.law, ordered, presences)
     weight = max(
         [*(_weight(one, rows, level) for one in ordered), *(one.torque_rms / level for one in presences), 0.0]
