@@ -23,5 +23,6 @@ BENCHMARKS = {
     "hostile": "files drawn to hurt, beside the limits of time and memory",
     "compensated": "tracking for having been diagnosed, beside an axis without the effects",
     "monitor": "the watch for changes: false alarms in a day, time until a change is told, cost of a tick",
+    "fleet_year": "changes in years of stored results: false ones, and planted ones within their errors",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

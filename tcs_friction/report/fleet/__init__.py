@@ -1,0 +1,1 @@
+"""The pages about a fleet: one for all axes, one for each."""
