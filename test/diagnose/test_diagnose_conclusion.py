@@ -240,6 +240,19 @@ def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple
         assert proof._echoes(item, proof._size(item)) == echo, (order, amplitude)
 
 
+def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    """Friction that falls around a place in a form of its own leaves waves of friction beside the bump that is fitted to it."""
+    balance, retuned, _ = fitted
+    bump = instance(effect("local_friction_bump"), {"amplitude": -0.3, "centre": 0.0, "width": 0.6})
+    for amplitude, echo in ((0.005, True), (0.3, False)):
+        wave = instance(effect("position_dependent_friction"), {"order": 8.6, "amplitude": amplitude, "phase": 0.0})
+        fit = unfitted(balance, axis().with_effect(bump).with_effect(wave), retuned.noise, KNOWN)
+        proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
+        item = fit.axis.effects[-1]
+        assert proof._echoes(item, proof._size(item)) == echo, amplitude
+        assert not proof._echoes(fit.axis.effects[0], 1.0)
+
+
 @pytest.mark.parametrize(
     ("believed", "retuned", "improved", "fails"),
     [(0.64, 0.91, 1.01, True), (0.64, 0.91, 0.5, False), (0.64, 0.6, 0.7, False), (0.31, 0.36, 0.36, False)],

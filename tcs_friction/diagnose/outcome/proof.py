@@ -25,11 +25,11 @@ from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.matched_filter import in_step
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Parameter, Role
+from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
-ECHO = 0.2  # of a wave's torque: gain and timing of a logged torque over the frequencies of a chirp are known no better together
+ECHO = 0.2  # of an effect's torque, that another one like it must have: form, gain and timing of the larger are known no better
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
@@ -110,15 +110,19 @@ class _Proof:
         )
 
     def _echoes(self, item: Instance, size: float) -> bool:
-        """Whether a wave is so small beside another of the same order that it is what the other's model leaves of it.
+        """Whether an effect is so small beside another like it that it may be what the other's form does not meet.
 
-        size: its torque, N m rms.
+        Alike are waves over the position of one order, and scales of friction along one coordinate. size: its torque, N m rms.
         """
-        if item.term.periodic != "position":
+        return any(size < ECHO * self._size(one) for one in self.fit.axis.effects if self._alike(item, one))
+
+    def _alike(self, item: Instance, other: Instance) -> bool:
+        if other is item or other.term.tabulated:
             return False
-        others = [one for one in self.fit.axis.effects if one is not item and one.term.periodic == "position"]
-        same = [one for one in others if in_step(self.balance, self.fit.axis, item, one)]
-        return any(size < ECHO * self._size(one) for one in same)
+        if item.term.place is Place.SCALE is other.term.place:
+            return item.term.coordinate == other.term.coordinate
+        waves = item.term.periodic == "position" == other.term.periodic
+        return waves and in_step(self.balance, self.fit.axis, item, other)
 
     def _size(self, item: Instance) -> float:
         """Torque of an effect of the improved axis, N m rms."""
