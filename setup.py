@@ -42,7 +42,10 @@ setup(
         ("share/tcs_friction/launch", files("launch", "*.launch.py")),
         ("share/tcs_friction/security", files("security", "*.xml")),
     ],
-    package_data={"tcs_friction.live": ["page/*"]},
+    package_data={
+        "tcs_friction.live": ["page/*"],
+        "tcs_friction.report.assets": ["LICENSE", "README.md", "uPlot.*"],
+    },
     python_requires=">=3.11",
     install_requires=["setuptools"],
     extras_require={
