@@ -8,6 +8,11 @@ Several axes are named as for `graph`: ./tcs live azimuth_1p2m.yaml altitude_1p2
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tcs_friction.errors import InputError
@@ -15,6 +20,7 @@ from tcs_friction.nodes.entry import end_at_once, keep_logs, stay_local
 
 TAKES_ROS_ARGUMENTS = True
 PORT = 8642
+ENDING = 10.0  # s that the page of a graph gets to end
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,6 +62,28 @@ def check_packages() -> None:
     except ModuleNotFoundError as error:
         how = "./tcs live, which installs it, or pip install -r requirements/live.txt"
         raise InputError("live", f"needs a package that is not installed ({error.name})", how) from None
+
+
+@contextlib.contextmanager
+def beside(axes: Sequence[str], ros_arguments: Sequence[str]) -> Iterator[None]:
+    """The page of a graph that runs in the block, in a process of its own that is not real-time. It ends with the block."""
+    from tcs_friction.nodes.graph import end_with_parent
+    from tcs_friction.nodes.scheduling import ASKED
+
+    given = [word.partition(":=")[2] for word in ros_arguments if word.startswith("results:=")]
+    words = [*axes, *(["--results", given[-1]] if given else []), *ros_arguments]
+    environment = {name: value for name, value in os.environ.items() if name != ASKED}
+    command = [sys.executable, "-P", "-m", "tcs_friction.cli", "live", *words]
+    process = subprocess.Popen(command, env=environment, preexec_fn=end_with_parent)
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def _port(word: str) -> int:

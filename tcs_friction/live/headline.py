@@ -10,7 +10,8 @@ from tcs_friction.nodes.page_state import Condition, Job, Switches
 WELL, WARNING, WRONG = "well", "warning", "wrong"
 LOST_AFTER = 2.0  # s without a joint state
 SILENT_AFTER = 4.0  # s without a report; nodes report every second
-LEVELS = (WELL, WARNING, WRONG, WRONG)
+WAITING = "waiting: "
+"""How the report of a node begins that stands still on purpose."""
 MODES = {
     "plain": "friction is not compensated",
     "measure": "friction is being measured",
@@ -55,6 +56,9 @@ def headline(at: Situation) -> Headline:
         return Headline(WRONG, "Graph lost", f"Nothing has been heard for {age:.0f} s. The curves are what was heard last.")
     if at.heard < 0.0 or age > LOST_AFTER:
         since = "yet" if at.heard < 0.0 else f"for {age:.0f} s"
+        waits = [f"{name}: {c.message}" for name, c in sorted(reporting.items()) if c.message.startswith(WAITING)]
+        if waits and not wrong:
+            return Headline(WARNING, "Standing still", f"No joint states {since}, on purpose. {'; '.join(waits)}")
         return Headline(WRONG, "Standing still", f"No joint states {since}. {wrong or _said(reporting, 1)}".rstrip())
     if wrong:
         return Headline(WRONG, "Trouble", wrong)

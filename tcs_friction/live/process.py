@@ -8,7 +8,6 @@ import logging
 import os
 import signal
 import socket
-import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -90,18 +89,3 @@ def _served(hubs: Mapping[str, Hub], rules: Access, listening: socket.socket) ->
         server.should_exit = True
         thread.join(ENDING)
         listening.close()
-
-
-@contextlib.contextmanager
-def beside(words: Sequence[str]) -> Iterator[None]:
-    """`./tcs live` with these words in a process of its own, until the end of the block."""
-    process = subprocess.Popen([sys.executable, "-P", "-m", "tcs_friction.cli", "live", *words])
-    try:
-        yield
-    finally:
-        process.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(ENDING)
-        if process.poll() is None:
-            process.kill()
-            process.wait()

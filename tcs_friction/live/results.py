@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from tcs_friction.errors import TcsError
+from tcs_friction.recording.info import bag_info, info_text
+
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".svg": "image/svg+xml",
@@ -18,9 +21,13 @@ TYPES = {
 }
 """Files that are handed out. Everything else is not there."""
 REPORT = ".html"
+LISTED = {"identification.json": "identification"}
+"""Files without a report beside them that are listed as well, and as what."""
+BAG = "metadata.yaml"
 DEEPEST, MOST_ENTRIES, MOST_LISTED = 4, 20_000, 200
 LOOK_EVERY = 2.0  # s
 LARGEST = 64 << 20  # bytes of a file that is handed out
+LARGEST_BAG = 256 << 20  # bytes of a recording that is looked through
 
 
 class Results:
@@ -32,7 +39,7 @@ class Results:
         self._listed: list[dict[str, Any]] = []
 
     def listed(self) -> list[dict[str, Any]]:
-        """Newest first: `path` below the directory, `kind` report or recording, `bytes`, and `time` (s since 1970)."""
+        """Newest first: `path` below the directory, `kind`, `bytes`, and `time` (s since 1970)."""
         now = time.monotonic()
         if now - self._looked >= LOOK_EVERY:
             self._looked = now
@@ -49,14 +56,15 @@ class Results:
             seen += len(folders) + len(names)
             if seen > MOST_ENTRIES:
                 return
-            if "metadata.yaml" in names:
+            if BAG in names:
                 folders.clear()
                 yield self._entry(Path(folder), "recording", sum(_size(Path(folder, name)) for name in names))
                 continue
             for name in names:
-                if name.endswith(REPORT):
+                kind = "report" if name.endswith(REPORT) else LISTED.get(name)
+                if kind and not (name in LISTED and "report.html" in names):
                     path = Path(folder, name)
-                    yield self._entry(path, "report", _size(path))
+                    yield self._entry(path, kind, _size(path))
 
     def _entry(self, path: Path, kind: str, size: int) -> dict[str, Any]:
         try:
@@ -70,16 +78,37 @@ class Results:
 
         Links are followed before it is decided what is below.
         """
-        if "\0" in name:
+        path = self._below(name)
+        kind = TYPES.get(path.suffix.lower()) if path else None
+        return (path, kind) if path and kind and path.is_file() and _size(path) <= LARGEST else None
+
+    def recording(self, name: str) -> Path | None:
+        """A recording below the directory, all of whose files are below it, too; None for anything else."""
+        path = self._below(name)
+        if path is None or not (path / BAG).is_file():
             return None
+        inside = (self._below(str(Path(name, file.name))) for file in path.iterdir())
+        return path if all(inside) else None
+
+    def _below(self, name: str) -> Path | None:
+        """Where a name leads, links followed; None where that is not below the directory."""
         try:
             root = self.root.resolve()
             path = (root / name.lstrip("/")).resolve()
-            allowed = path.is_relative_to(root) and path.is_file() and path.stat().st_size <= LARGEST
-        except (OSError, ValueError, RuntimeError):  # a name too long, a loop of links
+        except (OSError, ValueError, RuntimeError):  # a name too long or with a zero, a loop of links
             return None
-        kind = TYPES.get(path.suffix.lower())
-        return (path, kind) if allowed and kind else None
+        return path if path.is_relative_to(root) and path != root else None
+
+
+def contents_of(recording: Path) -> str:
+    """What is in a recording, for people; in a word why not where that cannot be told."""
+    size = sum(_size(path) for path in recording.iterdir())
+    if size > LARGEST_BAG:
+        return f"{size / 1e6:.0f} MB are too much to be looked through here. On the machine itself: ./tcs bag info {recording}\n"
+    try:
+        return info_text(bag_info(recording)) + "\n"
+    except TcsError as error:
+        return f"{error}\n"
 
 
 def _size(path: Path) -> int:

@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
@@ -22,6 +23,7 @@ from starlette.websockets import WebSocket
 
 from tcs_friction.live.access import COOKIE, Access, same_origin
 from tcs_friction.live.hub import Hub
+from tcs_friction.live.results import contents_of
 from tcs_friction.live.stream import PERIOD, Pages, converse
 from tcs_friction.report.assets import uplot_script, uplot_style
 
@@ -44,61 +46,83 @@ ALWAYS = {
     "cache-control": "no-store",
 }
 SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
+SANDBOX = {"content-security-policy": REPORT_POLICY}
+NOT_FOUND = PlainTextResponse("not found\n", 404)
+NO_TOKEN = PlainTextResponse("a token is needed\n", 401)
 OWN_FILES = {"page.js": SCRIPT, "plots.js": SCRIPT, "panels.js": SCRIPT, "page.css": STYLE}
 
 
 def application(hubs: Mapping[str, Hub], rules: Access) -> ASGIApp:
     """The server for some axes, by name; the first is shown unless another is asked for."""
-    pages = Pages(hubs, rules.control)
-    contents = {name: (_page_file(name), kind) for name, kind in OWN_FILES.items()}
-    contents |= {"uPlot.js": (uplot_script(), SCRIPT), "uPlot.css": (uplot_style(), STYLE)}
-    main, login = _page_file("index.html"), _page_file("login.html")
-
-    async def show(request: Request) -> Response:
-        if not _welcome(request, rules):
-            return Response(login, 401, media_type="text/html")
-        return Response(main, media_type="text/html")
-
-    async def enter(request: Request) -> Response:
-        token = await _token_in(request)
-        if not same_origin(request.headers.get("origin"), request.headers.get("host")):
-            return PlainTextResponse("refused: the form is another site's\n", 403)
-        if not rules.accepts(token):
-            await asyncio.sleep(WRONG_TOKEN_COSTS)
-            return Response(login, 401, media_type="text/html")
-        answer = RedirectResponse("/", 303)
-        answer.set_cookie(COOKIE, rules.session, httponly=True, samesite="strict")
-        return answer
-
-    async def own_file(request: Request) -> Response:
-        found = contents.get(request.path_params["name"])
-        return Response(found[0], media_type=found[1]) if found else PlainTextResponse("not found\n", 404)
-
-    async def result(request: Request) -> Response:
-        if not _welcome(request, rules):
-            return PlainTextResponse("a token is needed\n", 401)
-        hub = hubs.get(request.path_params["axis"])
-        found = hub.results.file(request.path_params["path"]) if hub else None
-        if found is None:
-            return PlainTextResponse("not found\n", 404)
-        return FileResponse(found[0], media_type=found[1], headers={"content-security-policy": REPORT_POLICY})
-
-    async def live(socket: WebSocket) -> None:
-        same = same_origin(socket.headers.get("origin"), socket.headers.get("host"))
-        axis = socket.path_params["axis"] or next(iter(hubs))
-        if not same or not _welcome(socket, rules) or axis not in hubs:
-            await socket.close(1008)
-            return
-        await converse(socket, pages, axis)
-
+    answers = _Answers(hubs, rules)
     routes = [
-        Route("/", show, methods=["GET"]),
-        Route("/login", enter, methods=["POST"]),
-        Route("/page/{name}", own_file, methods=["GET"]),
-        Route("/results/{axis}/{path:path}", result, methods=["GET"]),
-        WebSocketRoute("/live/{axis:path}", live),
+        Route("/", answers.page, methods=["GET"]),
+        Route("/login", answers.login, methods=["POST"]),
+        Route("/page/{name}", answers.own_file, methods=["GET"]),
+        Route("/results/{axis}/{path:path}", answers.result, methods=["GET"]),
+        Route("/recordings/{axis}/{path:path}", answers.recording, methods=["GET"]),
+        WebSocketRoute("/live/{axis:path}", answers.live),
     ]
     return _Gate(Starlette(routes=routes, lifespan=_lifespan(hubs)), rules)
+
+
+class _Answers:
+    """What each address answers."""
+
+    def __init__(self, hubs: Mapping[str, Hub], rules: Access) -> None:
+        self._hubs, self._rules = hubs, rules
+        self._pages = Pages(hubs, rules.control)
+        self._looking = asyncio.Lock()  # through one recording at a time
+        self._files = {name: (_page_file(name), kind) for name, kind in OWN_FILES.items()}
+        self._files |= {"uPlot.js": (uplot_script(), SCRIPT), "uPlot.css": (uplot_style(), STYLE)}
+        self._page, self._login = _page_file("index.html"), _page_file("login.html")
+
+    async def page(self, request: Request) -> Response:
+        if not self._welcome(request):
+            return Response(self._login, 401, media_type="text/html")
+        return Response(self._page, media_type="text/html")
+
+    async def login(self, request: Request) -> Response:
+        if not same_origin(request.headers.get("origin"), request.headers.get("host")):
+            return PlainTextResponse("refused: the form is another site's\n", 403)
+        if not self._rules.accepts(await _token_in(request)):
+            await asyncio.sleep(WRONG_TOKEN_COSTS)
+            return Response(self._login, 401, media_type="text/html")
+        answer = RedirectResponse("/", 303)
+        answer.set_cookie(COOKIE, self._rules.session, httponly=True, samesite="strict")
+        return answer
+
+    async def own_file(self, request: Request) -> Response:
+        content, kind = self._files.get(request.path_params["name"], ("", ""))
+        return Response(content, media_type=kind) if kind else NOT_FOUND
+
+    async def result(self, request: Request) -> Response:
+        if not self._welcome(request):
+            return NO_TOKEN
+        hub = self._hubs.get(request.path_params["axis"])
+        found = hub.results.file(request.path_params["path"]) if hub else None
+        return FileResponse(found[0], media_type=found[1], headers=SANDBOX) if found else NOT_FOUND
+
+    async def recording(self, request: Request) -> Response:
+        if not self._welcome(request):
+            return NO_TOKEN
+        hub = self._hubs.get(request.path_params["axis"])
+        path = hub.results.recording(request.path_params["path"]) if hub else None
+        if path is None:
+            return NOT_FOUND
+        async with self._looking:
+            return PlainTextResponse(await run_in_threadpool(contents_of, path), headers=SANDBOX)
+
+    async def live(self, socket: WebSocket) -> None:
+        same = same_origin(socket.headers.get("origin"), socket.headers.get("host"))
+        axis = socket.path_params["axis"] or next(iter(self._hubs))
+        if same and self._welcome(socket) and axis in self._hubs:
+            await converse(socket, self._pages, axis)
+        else:
+            await socket.close(1008)
+
+    def _welcome(self, request: HTTPConnection) -> bool:
+        return self._rules.welcomes(request.cookies.get(COOKIE), request.headers.get("authorization"))
 
 
 def _lifespan(hubs: Mapping[str, Hub]) -> Any:
@@ -116,10 +140,6 @@ async def _advance(hubs: Mapping[str, Hub]) -> None:
         for hub in hubs.values():
             hub.advance()
         await asyncio.sleep(PERIOD)
-
-
-def _welcome(request: HTTPConnection, rules: Access) -> bool:
-    return rules.welcomes(request.cookies.get(COOKIE), request.headers.get("authorization"))
 
 
 async def _token_in(request: Request) -> str:

@@ -26,8 +26,8 @@ from tcs_friction.nodes.plain_node import PlainNode
 from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE, JointWire, Wire
 
-BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Deep enough for the 50 ms in which the page's other thread may have the interpreter."""
+BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Deep enough for a busy machine, on which this process does not run for a good part of a second."""
 MOST_TEXT, MOST_VALUES = 300, 60
 """Characters of a text and values of a report that are handed on; anybody may publish reports."""
 

@@ -79,7 +79,7 @@ export function showJob(job, control, mode) {
   $("progress").hidden = !job.running;
   if (job.running && job.progress === 0) $("progress").removeAttribute("value");
   else $("progress").value = job.progress;
-  $("job-name").textContent = job.running ? `${job.name} …` : `${job.name}: ${job.success ? "done" : "failed"}.`;
+  if (job.name) $("job-name").textContent = job.running ? `${job.name} …` : `${job.name}: ${job.success ? "done" : "failed"}.`;
   $("job-stage").textContent = job.running && job.progress ? `${job.stage} (${Math.round(100 * job.progress)} %)` : job.stage;
   for (const button of document.querySelectorAll("[data-order]")) {
     const order = button.dataset.order;
@@ -109,7 +109,7 @@ export function showResults(results, axis) {
 function open(path, kind, axis) {
   const place = path.split("/").map(encodeURIComponent).join("/");
   $("reader-name").textContent = path;
-  $("reader-frame").src = `/${kind === "report" ? "results" : "recordings"}/${encodeURIComponent(axis)}/${place}`;
+  $("reader-frame").src = `/${kind === "recording" ? "recordings" : "results"}/${encodeURIComponent(axis)}/${place}`;
   $("reader").hidden = false;
   $("reader").scrollIntoView({ behavior: "smooth" });
 }

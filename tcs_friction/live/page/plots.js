@@ -4,8 +4,8 @@ const GAP = 0.3; // s without a sample, from which on a curve is interrupted
 const MOST_POINTS = 2000;
 const OVER_TIME = {
   error: [["error", "tracking error", "--first"]],
-  speed: [["reference_speed", "reference", "--second"], ["speed", "measured", "--first"]],
-  torque: [["torque_command", "command", "--second"], ["torque_applied", "applied", "--first"]],
+  speed: [["speed", "measured", "--first"], ["reference_speed", "reference", "--second"]],
+  torque: [["torque_applied", "applied", "--first"], ["torque_command", "command", "--second"]],
   friction: [["friction_estimate", "observer's estimate", "--first"], ["friction_compensation", "compensator", "--second"]],
 };
 const TRAILS = [["friction_estimate", "observer's estimate", "--first"], ["friction_compensation", "compensator", "--second"]];
@@ -136,7 +136,7 @@ export class Plots {
     const plot = this.place("trail", {
       scales: { x: { time: false, range: around }, y: { range: around } },
       cursor: { drag: { x: false, y: false } },
-      axes: [this.axis(`speed [${units.speed}]`, 42), this.values(this.axis(null, 62))],
+      axes: [{ ...this.values(this.axis(`speed [${units.speed}]`)), size: 42 }, this.values(this.axis(null, 62))],
       series: [{ label: "speed", value: shown(units.speed) }, ...TRAILS.map(([, label, ink], i) => ({ label, ...dots(ink, 4 - i) }))],
     }, [[], [], []]);
     return { plot, trail: true };
@@ -161,6 +161,7 @@ export class Plots {
     for (const { plot, names, trail } of this.made) {
       if (trail) {
         if (all) plot.setData(points(this.store.points));
+        document.getElementById("untraced").hidden = Object.keys(this.store.points).length > 0;
       } else if (this.held === null) {
         plot.setData(this.store.rows(names));
       } else if (all) {
@@ -193,6 +194,6 @@ function points(trails) {
 // A range with some air, and never of no width.
 function around(_, low, high) {
   if (low === null || high === null || low === undefined) return [-1, 1];
-  const span = high - low || Math.abs(high) * 0.2 || 1e-3;
+  const span = high - low || Math.abs(high) * 0.2 || 1;
   return [low - 0.06 * span, high + 0.06 * span];
 }
