@@ -91,11 +91,11 @@ class Results:
         return path if all(inside) else None
 
     def _below(self, name: str) -> Path | None:
-        """Where a name leads, links followed; None where that is not below the directory."""
+        """Where a name leads, links followed; None where nothing is there or it is not below the directory."""
         try:
-            root = self.root.resolve()
-            path = (root / name.lstrip("/")).resolve()
-        except (OSError, ValueError, RuntimeError):  # a name too long or with a zero, a loop of links
+            root = self.root.resolve(strict=True)
+            path = (root / name.lstrip("/")).resolve(strict=True)
+        except (OSError, ValueError, RuntimeError):  # not there, a name too long or with a zero, a loop of links
             return None
         return path if path.is_relative_to(root) and path != root else None
 

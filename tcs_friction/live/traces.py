@@ -21,6 +21,8 @@ WINDOWS = (5, 20, 60, 240)
 """Lengths of the windows, s."""
 BINS = 500
 """Bins of a window: as many as a plot has columns to draw them."""
+SLACK = SECOND // 2
+"""Stamps that go back by more than this, ns, begin another run; what goes back by less is left out."""
 ERROR = "error"
 STATES, REFERENCE, ESTIMATE, COMPENSATION = "joint_states", "reference", "friction_estimate", "friction_compensation"
 
@@ -63,13 +65,14 @@ class Channel:
         first, stamps, values = self.history.since(self._taken)
         self._taken = first + len(stamps)
         before = np.concatenate(([self._last], stamps[:-1])) if len(stamps) else stamps
-        back = np.flatnonzero(stamps < before)
+        back = np.flatnonzero(stamps < before - SLACK)
         begun = bool(len(back))
         if begun:
             stamps, values = stamps[back[-1] :], values[back[-1] :]
             self.clear()
             self._last = -1
-        new = np.diff(stamps, prepend=self._last) > 0
+        new = np.diff(np.maximum.accumulate(stamps), prepend=self._last) > 0
+        new &= stamps > self._last
         stamps, values = stamps[new], values[new]
         if len(stamps):
             self._last = int(stamps[-1])
@@ -91,9 +94,14 @@ class Traces:
 
     def advance(self) -> int:
         """Take what has come; the number of samples."""
-        new = {topic: self.channels[topic].take() for topic in TOPICS}
+        new = {STATES: self.channels[STATES].take()}
+        if new[STATES][0]:
+            self._forget()
+        new |= {topic: self.channels[topic].take() for topic in TOPICS if topic != STATES}
         if any(begun for begun, *_ in new.values()):
-            self._begin(anew=new[STATES][0])
+            self.run += 1
+            self._tracking.clear()
+            self._feedforward.clear()
         stamps = new[STATES][1]
         if len(stamps):
             self.now = int(stamps[-1])
@@ -103,18 +111,14 @@ class Traces:
         self.trails[ESTIMATE].add(new[ESTIMATE][1], estimate[:, 1], estimate[:, 0])
         return sum(len(stamps) for _, stamps, _ in new.values())
 
-    def _begin(self, anew: bool) -> None:
-        """A topic's stamps went back. Where those of the states did, all else is of the run before as well."""
-        self.run += 1
-        self._tracking.clear()
-        self._feedforward.clear()
-        if anew:
-            self.begun = -1
-            for name, channel in self.channels.items():
-                if name != STATES:
-                    channel.clear()
-            for trail in self.trails.values():
-                trail.clear()
+    def _forget(self) -> None:
+        """The states' stamps went back, so what was heard of the other topics is of the run before."""
+        self.begun = -1
+        for name, channel in self.channels.items():
+            if name != STATES:
+                channel.clear()
+        for trail in self.trails.values():
+            trail.clear()
 
     def _derive(self, states: tuple[Stamps, Rows], reference: tuple[Stamps, Rows], torque: tuple[Stamps, Rows]) -> None:
         """Tracking error, and the compensation with the speed that it is for."""
