@@ -17,7 +17,7 @@ from tcs_friction.nodes.page_state import ABORT, JOBS, MODES, Job, Sink
 from tcs_friction.nodes.steady import steady_timer
 
 LOOK_EVERY = 0.05  # s
-ANSWER_LIMIT = 10.0  # s, of a service, and for a goal to be taken
+ANSWER_LIMIT = 5.0  # s, of a service, and for a goal to be taken
 ACTIONS: dict[str, tuple[Any, str]] = {
     "identify": (Identify, "identifier/identify"),
     "diagnose": (Diagnose, "diagnoser/diagnose"),

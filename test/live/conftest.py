@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import importlib.util
 import json
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 if importlib.util.find_spec("rclpy") is None:
-    collect_ignore_glob = ["test_live_browser.py", "test_live_feed.py"]
+    collect_ignore_glob = ["test_live_browser.py"]
 
 
 @dataclass
@@ -76,8 +77,6 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
 
 def next_message(socket: Any, key: str, limit: float = 20.0) -> Any:
     """The next entry of that name that a page is sent; every frame on the way is said to be drawn."""
-    import time
-
     deadline = time.monotonic() + limit
     while time.monotonic() < deadline:
         message = json.loads(socket.recv(timeout=limit))

@@ -71,7 +71,8 @@ def test_with_a_token_only_who_knows_it_is_welcome() -> None:
     assert rules.accepts(TOKEN)
     assert rules.welcomes(None, f"Bearer {TOKEN}")
     assert rules.welcomes(rules.session, None)
-    for cookie, header in ((None, None), ("", ""), (TOKEN, None), (other.session, None), (None, TOKEN), (None, "Bearer "), ("é", "Bearer é")):
+    wrong = ((None, None), ("", ""), (TOKEN, None), (other.session, None), (None, TOKEN), (None, "Bearer "), ("é", "Bearer é"))
+    for cookie, header in wrong:
         assert not rules.welcomes(cookie, header), (cookie, header)
 
 
@@ -84,7 +85,9 @@ def test_others_are_let_in_only_with_a_token_and_may_only_look() -> None:
     assert access("localhost", "", False, (), {VARIABLE: TOKEN}).token == TOKEN
 
 
-@pytest.mark.parametrize("token", ["short", "x" * (SHORTEST - 1), "x" * 300, "two words are not a token", "tab\tin the middle of it"])
+@pytest.mark.parametrize(
+    "token", ["short", "x" * (SHORTEST - 1), "x" * 300, "two words are not a token", "tab\tin the middle of it"]
+)
 def test_a_token_that_is_none_is_refused_and_not_quoted(token: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no usable token") as caught:
         access("127.0.0.1", "", False, (), {VARIABLE: token})

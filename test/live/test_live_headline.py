@@ -28,7 +28,7 @@ FINE = Situation(NOW, NOW - 0.01, {"plant": said(0), "dob": said(0)}, Switches((
         (replace(FINE, switches=Switches((True, False, True))), WELL, "Well", "one by one"),
         (replace(FINE, switches=Switches()), WELL, "Well", "not known"),
         (replace(FINE, conditions={"dob": said(1, "late")}), WARNING, "Running with warnings", "dob: late"),
-        (replace(FINE, conditions={"dob": said(2, "no reference"), "plant": said(1, "late")}), WRONG, "Trouble", "dob: no reference"),
+        (replace(FINE, conditions={"dob": said(2, "lost"), "plant": said(1, "late")}), WRONG, "Trouble", "dob: lost"),
         (replace(FINE, conditions={"plant": said(0), "dob": said(0, age=20)}), WRONG, "Node lost", "dob has not reported"),
         (replace(FINE, heard=NOW - 9), WRONG, "Standing still", "No joint states for 9 s."),
         (replace(FINE, heard=-1.0), WRONG, "Standing still", "No joint states yet."),

@@ -60,8 +60,8 @@ def test_files_below_are_handed_out_with_their_type(results: Results) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["", ".", "..", "../secret.html", "first/../../secret.html", "/etc/passwd", "//etc/passwd", "first", "first/notes.sh", "x\0.html",
-     "link.html", "linked/secret.html", "missing.html", "a" * 300 + ".html", "loop.html"],
+    ["", ".", "..", "../secret.html", "first/../../secret.html", "/etc/passwd", "//etc/passwd", "first", "first/notes.sh",
+     "x\0.html", "link.html", "linked/secret.html", "missing.html", "a" * 300 + ".html", "loop.html"],
 )  # fmt: skip
 def test_nothing_else_is_handed_out(results: Results, name: str, tmp_path: Path) -> None:
     (results.root / "link.html").symlink_to(tmp_path / "secret.html")

@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -74,11 +75,10 @@ def test_a_page_is_sent_curves_and_status(serve: Callable[..., Any]) -> None:
 def test_only_what_is_new_is_sent_and_all_of_it_for_another_window(serve: Callable[..., Any]) -> None:
     server = serve()
     feed(server.hub, 0, 10_000)
+    while server.hub.traces.now < 9_999 * MS:
+        time.sleep(0.01)
     with server.socket() as page:
-        first = next_message(page, "frame")
-        while "speed" not in first["bins"]:
-            first = next_message(page, "frame")
-        assert len(first["bins"]["speed"]["k"]) == 250
+        assert len(next_message(page, "frame")["bins"]["speed"]["k"]) == 250
         assert len(next_message(page, "frame")["bins"]["speed"]["k"]) == 1
         page.send('{"window":5}')
         frame = next_message(page, "frame")
@@ -104,26 +104,34 @@ def test_a_page_that_does_not_draw_is_not_sent_more(serve: Callable[..., Any]) -
         assert "frame" in json.loads(page.recv(timeout=10))
 
 
+def ended(page: Any) -> bool:
+    """Whether the server has ended the talk; what it sent before is of no interest."""
+    with suppress(ConnectionClosed):
+        for _ in range(100):
+            page.recv(timeout=10)
+        return False
+    return True
+
+
 @pytest.mark.parametrize(
     "message",
-    ["", "no json", "[]", "{}", "1", '{"order":"rm"}', '{"order":["measure"]}', '{"window":1e9}', '{"window":[5]}', '{"zoom":[2,1]}',
-     '{"zoom":[0,1e999]}', '{"zoom":["a","b"]}', '{"zoom":[true,false]}', '{"drawn":1,"window":5}', '{"x":1}', "[" * 3000],
+    ["", "no json", "[]", "{}", "1", '{"order":"rm"}', '{"order":["measure"]}', '{"window":1e9}', '{"window":[5]}',
+     '{"zoom":[2,1]}', '{"zoom":[0,1e999]}', '{"zoom":["a","b"]}', '{"zoom":[true,false]}', '{"drawn":1,"window":5}',
+     '{"x":1}', "[" * 3000],
 )  # fmt: skip
 def test_a_message_that_no_page_sends_ends_the_talk_and_nothing_else(serve: Callable[..., Any], message: str) -> None:
     server = serve()
-    with server.socket() as page, pytest.raises(ConnectionClosed):
+    with server.socket() as page:
         page.send(message)
-        while True:
-            page.recv(timeout=10)
+        assert ended(page)
     assert server.hub.next_order() == ""
     assert server.ask("/")[0] == 200
 
 
 def test_a_message_of_a_size_that_no_page_sends_ends_the_talk(serve: Callable[..., Any]) -> None:
-    with serve().socket() as page, pytest.raises(ConnectionClosed):
+    with serve().socket() as page:
         page.send("x" * 100_000)
-        while True:
-            page.recv(timeout=10)
+        assert ended(page)
 
 
 def test_orders_reach_the_node_and_are_refused_to_who_may_only_look(serve: Callable[..., Any]) -> None:
@@ -200,7 +208,8 @@ def test_reports_are_locked_up_and_paths_stay_below(serve: Callable[..., Any], t
     assert policy.startswith("sandbox allow-scripts; default-src 'none'")
     assert "connect-src" not in policy
     assert "allow-same-origin" not in policy
-    for path in ("../secret.html", "%2e%2e/secret.html", "..%2fsecret.html", "%2e%2e%2fsecret.html", "x/../../secret.html", "%00"):
+    below = ("../secret.html", "%2e%2e/secret.html", "..%2fsecret.html", "%2e%2e%2fsecret.html", "x/../../secret.html", "%00")
+    for path in below:
         assert server.ask(f"/results/azimuth/{path}")[0] == 404, path
     assert server.ask("/results/altitude/x.html")[0] == 404
     assert server.ask("/recordings/azimuth/nothing")[0] == 404

@@ -114,7 +114,7 @@ def test_a_reader_never_sees_a_sample_that_the_writer_is_overwriting() -> None:
 
 def test_between_takes_the_newest_run_only() -> None:
     history = History(1, capacity=100)
-    for stamp in [*range(0, 50), *range(10, 30)]:
+    for stamp in [*range(50), *range(10, 30)]:
         history.append(stamp, float(stamp))
     stamps, _ = history.between(5, 20)
     np.testing.assert_array_equal(stamps, range(10, 21))
