@@ -65,13 +65,13 @@ def check_packages() -> None:
 
 
 @contextlib.contextmanager
-def beside(axes: Sequence[str], ros_arguments: Sequence[str]) -> Iterator[None]:
+def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int = PORT) -> Iterator[None]:
     """The page of a graph that runs in the block, in a process of its own that is not real-time. It ends with the block."""
     from tcs_friction.nodes.graph import end_with_parent
     from tcs_friction.nodes.scheduling import ASKED
 
     given = [word.partition(":=")[2] for word in ros_arguments if word.startswith("results:=")]
-    words = [*axes, *(["--results", given[-1]] if given else []), *ros_arguments]
+    words = [*axes, "--port", str(port), *(["--results", given[-1]] if given else []), *ros_arguments]
     environment = {name: value for name, value in os.environ.items() if name != ASKED}
     command = [sys.executable, "-P", "-m", "tcs_friction.cli", "live", *words]
     process = subprocess.Popen(command, env=environment, preexec_fn=end_with_parent)

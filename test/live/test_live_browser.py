@@ -9,12 +9,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.listening import wait_until
+
+pytest.importorskip("rclpy", reason="no ROS 2; ./tcs test brings it")
 ROOT = Path(__file__).resolve().parents[2]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 MARKUP = "<b onmouseover=alert(1)>"
@@ -104,14 +107,19 @@ def page(browser: Any) -> Iterator[Any]:
     assert [error for error in errors if not error.startswith(("data:", "about:", "http://127.0.0.1:"))] == []
 
 
+def until(ready: Callable[[], Any], what: Callable[[], str]) -> None:
+    """Poll here: what Playwright polls in the page by itself, the page's Content-Security-Policy forbids."""
+    assert wait_until(lambda: bool(ready()), PATIENCE / 1000), what()
+
+
 def wait_for(page: Any, selector: str, pattern: str) -> str:
     """The text of an element once it matches."""
-    page.wait_for_function(
-        "([selector, pattern]) => new RegExp(pattern).test(document.querySelector(selector)?.textContent ?? '')",
-        arg=[selector, pattern],
-        timeout=PATIENCE,
-    )
-    return str(page.text_content(selector))
+
+    def text() -> str:
+        return str(page.text_content(selector))
+
+    until(lambda: re.search(pattern, text()), lambda: f"{selector}: {text()!r} is not {pattern!r}")
+    return text()
 
 
 def picture(page: Any, plot: str) -> int:
@@ -138,17 +146,17 @@ def test_a_measurement_from_start_to_report_and_a_graph_that_is_lost_and_comes_b
     wait_for(page, "#state", "^Well$")
     wait_for(page, "#sentence", r"Tracking error [0-9.e-]+ arcsec rms .*friction is not compensated")
     assert page.text_content("#number-friction_estimate") == "–"
-    page.wait_for_function("document.querySelectorAll('#nodes td.state.is-well').length === 8")
-    assert picture(page, "error") > 100
+    until(lambda: page.locator("#nodes td.state.is-well").count() == 8, lambda: str(page.text_content("#nodes")))
+    until(lambda: picture(page, "error") > 100, lambda: "no curve is drawn")
     assert picture(page, "trail") == 0
 
     page.click("[data-order=measure]")
     friction = wait_for(page, "#number-friction_estimate", "[0-9]")
-    page.wait_for_function("before => document.querySelector('#number-friction_estimate').textContent !== before", arg=friction)
+    until(lambda: page.text_content("#number-friction_estimate") != friction, lambda: f"it stays {friction}")
     wait_for(page, "#switches", "Switch1 observer: on.*Switch3 compensation: off")
     page.wait_for_selector("[data-order=measure][aria-pressed=true]")
-    page.wait_for_function("document.querySelector('#untraced').hidden")
-    assert picture(page, "trail") > 10
+    page.locator("#untraced").wait_for(state="hidden")
+    until(lambda: picture(page, "trail") > 10, lambda: "no points are drawn")
 
     box = page.locator("#plot-error .u-over").bounding_box()
     page.mouse.move(box["x"] + 60, box["y"] + 60)

@@ -5,22 +5,42 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import next_message
+from page_server import Served, next_message
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tcs_friction.errors import InputError
 from tcs_friction.live import stream
-from tcs_friction.live.serving import bound, url
+from tcs_friction.live.access import Access
+from tcs_friction.live.hub import ROTARY, Hub
+from tcs_friction.live.serving import bound, served, url
 from tcs_friction.nodes.page_state import Condition, Effect, Job, Switches
 
 TOKEN = "correct-horse-battery-staple"
 MARKUP = "<img src=x onerror=alert(1)>"
 MS = 1_000_000
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
+    """`serve(token=..., control=...)`: a real server in a thread of its own; any number of them."""
+    with ExitStack() as stack:
+
+        def make(**rules: Any) -> Served:
+            results = tmp_path / "results"
+            results.mkdir(exist_ok=True)
+            hub = Hub("azimuth", ROTARY, results)
+            listening = bound("127.0.0.1", 0)
+            port = listening.getsockname()[1]
+            stack.enter_context(served({"azimuth": hub}, Access(**rules), listening))
+            return Served(hub, port, results)
+
+        yield make
 
 
 def feed(hub: Any, begin: int, end: int) -> None:

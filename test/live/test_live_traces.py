@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tcs_friction.live.bins import Bins, extremes, thinned
@@ -16,17 +16,20 @@ from tcs_friction.live.traces import BINS, CURVES, WINDOWS, Traces
 from tcs_friction.live.trail import Trail
 
 MS = 1_000_000
+BUSY = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""On a machine that is busy with other tests."""
 NUMBER = st.one_of(st.floats(-1e6, 1e6), st.just(float("nan")))
 
 
 @st.composite
 def samples(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
     """Ascending stamps with gaps of any kind, and values, some of which are no numbers."""
-    gaps = draw(st.lists(st.integers(1, 50 * MS), min_size=1, max_size=120))
+    gaps = draw(st.lists(st.integers(1, 50 * MS), min_size=1, max_size=80))
     values = draw(st.lists(NUMBER, min_size=len(gaps), max_size=len(gaps)))
     return np.cumsum(gaps), np.array(values)[:, np.newaxis]
 
 
+@BUSY
 @given(samples(), st.integers(1, 200 * MS))
 def test_every_sample_lies_between_the_extremes_of_its_bin_and_each_extreme_is_a_sample(
     data: tuple[np.ndarray, np.ndarray], width: int
@@ -45,6 +48,7 @@ def test_every_sample_lies_between_the_extremes_of_its_bin_and_each_extreme_is_a
     assert set(stamps // width) == set(found.number)
 
 
+@BUSY
 @given(samples(), st.lists(st.integers(1, 30), min_size=1, max_size=10))
 def test_bins_filled_bit_by_bit_are_those_of_all_samples_at_once(data: tuple[np.ndarray, np.ndarray], parts: list[int]) -> None:
     stamps, values = data
@@ -60,6 +64,7 @@ def test_bins_filled_bit_by_bit_are_those_of_all_samples_at_once(data: tuple[np.
     np.testing.assert_array_equal(found.high, whole.high[kept])
 
 
+@BUSY
 @given(samples(), st.integers(1, 50))
 def test_thinned_curves_have_the_largest_value_and_not_more_bins_than_asked_for(
     data: tuple[np.ndarray, np.ndarray], most: int
@@ -120,6 +125,7 @@ def test_between_takes_the_newest_run_only() -> None:
     np.testing.assert_array_equal(stamps, range(10, 21))
 
 
+@BUSY
 @given(st.sets(st.integers(0, 60)), st.sets(st.integers(0, 60)), st.lists(st.integers(0, 15), max_size=12))
 def test_samples_join_by_stamp_each_pair_once(left: set[int], right: set[int], steps: list[int]) -> None:
     """In parts of any size; one that comes after a later pair has been found has no partner any more."""
@@ -230,7 +236,7 @@ def test_detail_comes_from_bins_where_the_samples_have_gone() -> None:
     assert Traces().newest("reference") == []
 
 
-@settings(max_examples=30, deadline=None)
+@BUSY
 @given(st.lists(st.tuples(st.integers(0, 10**19 // 10), NUMBER), max_size=60))
 def test_no_order_of_stamps_breaks_the_curves(given: list[tuple[int, float]]) -> None:
     traces = Traces()

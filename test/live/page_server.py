@@ -1,21 +1,13 @@
-"""Fixtures of the page's tests: a hub that a test feeds, and a real server of it."""
+"""A real server of the page, as its tests ask it."""
 
 from __future__ import annotations
 
 import http.client
-import importlib.util
 import json
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import pytest
-
-if importlib.util.find_spec("rclpy") is None:
-    collect_ignore_glob = ["test_live_browser.py"]
 
 
 @dataclass
@@ -52,27 +44,6 @@ class Served:
         own = f"http://{self.host}" if origin == "" else origin
         headers = {name.replace("_", "-"): value for name, value in more.items()}
         return connect(f"ws://{self.host}/live/{axis}", origin=own, additional_headers=headers, open_timeout=10)
-
-
-@pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
-    """`serve(token=..., control=...)`: a real server in a thread of its own; any number of them."""
-    from tcs_friction.live.access import Access
-    from tcs_friction.live.hub import ROTARY, Hub
-    from tcs_friction.live.serving import bound, served
-
-    with ExitStack() as stack:
-
-        def make(**rules: Any) -> Served:
-            results = tmp_path / "results"
-            results.mkdir(exist_ok=True)
-            hub = Hub("azimuth", ROTARY, results)
-            listening = bound("127.0.0.1", 0)
-            port = listening.getsockname()[1]
-            stack.enter_context(served({"azimuth": hub}, Access(**rules), listening))
-            return Served(hub, port, results)
-
-        yield make
 
 
 def next_message(socket: Any, key: str, limit: float = 20.0) -> Any:
