@@ -39,7 +39,7 @@ export function showNumbers(numbers) {
 
 function significant(value) {
   const text = Math.abs(value) >= 1e-3 || value === 0 ? String(Number(value.toPrecision(4))) : value.toExponential(2);
-  return text.replace("-", "−");
+  return text.replaceAll("-", "−");
 }
 
 export function showHeadline({ level, state, sentence }) {

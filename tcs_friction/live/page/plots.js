@@ -2,11 +2,12 @@
 
 const GAP = 0.3; // s without a sample, from which on a curve is interrupted
 const MOST_POINTS = 2000;
+// Of each curve what it is called, its colour and its width; the last one lies on top, so the one behind may be the broader.
 const OVER_TIME = {
-  error: [["error", "tracking error", "--first"]],
-  speed: [["speed", "measured", "--first"], ["reference_speed", "reference", "--second"]],
-  torque: [["torque_applied", "applied", "--first"], ["torque_command", "command", "--second"]],
-  friction: [["friction_estimate", "observer's estimate", "--first"], ["friction_compensation", "compensator", "--second"]],
+  error: [["error", "tracking error", "--first", 1.4]],
+  speed: [["speed", "measured", "--first", 1.4], ["reference_speed", "reference", "--second", 1.4]],
+  torque: [["torque_command", "command", "--second", 4], ["torque_applied", "applied", "--first", 1.2]],
+  friction: [["friction_estimate", "observer's estimate", "--first", 2.4], ["friction_compensation", "compensator", "--second", 1.4]],
 };
 const TRAILS = [["friction_estimate", "observer's estimate", "--first"], ["friction_compensation", "compensator", "--second"]];
 
@@ -98,13 +99,13 @@ export class Plots {
     this.draw(true);
   }
 
-  axis(label, size) {
-    return { label, size, labelSize: 18, labelGap: 0, stroke: colour("--soft"), font: "12px system-ui, sans-serif",
+  axis(label) {
+    return { label, size: 42, labelSize: 18, labelGap: 0, stroke: colour("--soft"), font: "12px system-ui, sans-serif",
       labelFont: "12px system-ui, sans-serif", grid: { stroke: colour("--grid"), width: 1 }, ticks: { stroke: colour("--grid"), width: 1 } };
   }
 
   values(axis) {
-    return { ...axis, size: 62, values: (_, splits) => splits.map((v) => (v === null ? "" : String(Number(v.toPrecision(4))))) };
+    return { ...axis, size: 68, values: (_, splits) => splits.map((v) => (v === null ? "" : String(Number(v.toPrecision(4))))) };
   }
 
   place(name, options, data) {
@@ -119,11 +120,11 @@ export class Plots {
   }
 
   overTime(name, curves, unit) {
-    const series = curves.map(([, label, ink]) => ({ label, stroke: colour(ink), width: 1.4, points: { show: false }, value: shown(unit) }));
+    const series = curves.map(([, label, ink, width]) => ({ label, stroke: colour(ink), width, points: { show: false }, value: shown(unit) }));
     const plot = this.place(name, {
       scales: { x: { time: false, range: () => this.held ?? this.store.range() }, y: { range: around } },
       cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.live() } },
-      axes: [this.axis("time of the run [s]", 42), this.values(this.axis(null, 62))],
+      axes: [this.axis("time of the run [s]"), this.values(this.axis(null))],
       series: [{ label: "time", value: shown("s") }, ...series],
       hooks: { setSelect: [(u) => this.selected(u)] },
     }, [[], ...curves.map(() => [])]);
@@ -136,7 +137,7 @@ export class Plots {
     const plot = this.place("trail", {
       scales: { x: { time: false, range: around }, y: { range: around } },
       cursor: { drag: { x: false, y: false } },
-      axes: [{ ...this.values(this.axis(`speed [${units.speed}]`)), size: 42 }, this.values(this.axis(null, 62))],
+      axes: [{ ...this.values(this.axis(`speed [${units.speed}]`)), size: 42 }, this.values(this.axis(null))],
       series: [{ label: "speed", value: shown(units.speed) }, ...TRAILS.map(([, label, ink], i) => ({ label, ...dots(ink, 4 - i) }))],
     }, [[], [], []]);
     return { plot, trail: true };
