@@ -44,7 +44,7 @@ setup(
     ],
     package_data={
         "tcs_friction.live": ["page/*"],
-        "tcs_friction.report.assets": ["LICENSE", "README.md", "uPlot.*"],
+        "tcs_friction.report.assets": ["LICENSE", "README.md", "plots.js", "uPlot.*"],
     },
     python_requires=">=3.11",
     install_requires=["setuptools"],

@@ -143,7 +143,7 @@ def _pages(log: Path) -> Iterator[None]:
     for thread in threads:
         thread.start()
     try:
-        with connect(address, origin=origin, max_queue=1):
+        with connect(address, origin=origin, max_queue=1, ping_interval=None):
             yield
     finally:
         over.set()

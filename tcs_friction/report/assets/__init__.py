@@ -1,6 +1,6 @@
-"""What a page carries inside itself: the plot library uPlot (MIT licence), as text for a script and a style element.
+"""What a page carries inside itself: the plot library uPlot (MIT licence) and what uses it, as text for elements.
 
-The files lie beside this one exactly as the npm registry has them; README.md says which version and how it is renewed.
+The library's files lie beside this one exactly as the npm registry has them; README.md says which version and how it is renewed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,11 @@ def uplot_script() -> str:
 def uplot_style() -> str:
     """The library's style sheet, with its licence, for a style element."""
     return f"{_licence()}{_file('uPlot.min.css')}"
+
+
+def plots_script() -> str:
+    """What makes figures of the plots of a report; it needs the library before it."""
+    return _file("plots.js")
 
 
 def _licence() -> str:
