@@ -43,9 +43,9 @@ class History:
         overtaken = max(0, self.count + 1 - self.capacity - first)  # the one that is being written counts, too
         return min(first + overtaken, end), stamps[overtaken:], values[overtaken:]
 
-    def between(self, begin: int, end: int) -> tuple[Stamps, Rows]:
-        """The samples of the newest run with stamps (ns) from `begin` to `end`."""
-        _, stamps, values = self.since(0)
+    def between(self, begin: int, end: int, most: int = 1 << 62) -> tuple[Stamps, Rows]:
+        """Of the newest `most` samples those of the newest run with stamps (ns) from `begin` to `end`."""
+        _, stamps, values = self.since(self.count - most)
         back = np.flatnonzero(np.diff(stamps) < 0)
         if len(back):
             stamps, values = stamps[back[-1] + 1 :], values[back[-1] + 1 :]

@@ -24,6 +24,8 @@ BINS = 500
 SLACK = SECOND // 2
 """Stamps that go back by more than this, ns, begin another run; what goes back by less is left out."""
 ERROR = "error"
+JUDGED_MOST = 20_000
+"""Samples of which the tracking error is judged at most: 5 s at 4 kHz."""
 STATES, REFERENCE, ESTIMATE, COMPENSATION = "joint_states", "reference", "friction_estimate", "friction_compensation"
 
 
@@ -156,7 +158,8 @@ class Traces:
 
     def error_rms(self, seconds: float) -> float | None:
         """RMS tracking error (rad) over the newest `seconds`, None while there is none."""
-        _, values = self.channels[ERROR].history.between(self.now - round(seconds * SECOND), self.now)
+        begin = self.now - round(seconds * SECOND)
+        _, values = self.channels[ERROR].history.between(begin, self.now, JUDGED_MOST)
         return float(np.sqrt(np.mean(values[:, 0] ** 2))) if len(values) else None
 
     def newest(self, topic: str) -> list[float]:

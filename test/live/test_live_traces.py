@@ -123,6 +123,8 @@ def test_between_takes_the_newest_run_only() -> None:
         history.append(stamp, float(stamp))
     stamps, _ = history.between(5, 20)
     np.testing.assert_array_equal(stamps, range(10, 21))
+    stamps, _ = history.between(5, 29, most=4)
+    np.testing.assert_array_equal(stamps, range(26, 30))
 
 
 @BUSY
@@ -210,6 +212,19 @@ def test_a_new_run_begins_with_empty_curves() -> None:
     for curve in CURVES:
         assert traces.bins(curve, 20, 0).number.max() * 40 <= 100, curve
     assert traces.bins("torque_applied", 20, 0).high.max() == 3.0
+
+
+def test_what_a_topic_said_in_the_run_before_is_gone_though_it_says_nothing_more() -> None:
+    traces = Traces()
+    feed(traces, 0, 2000)
+    traces.advance()
+    for k in range(100):
+        traces.channels["joint_states"].history.append(k * MS, 1.0, 0.5, 3.0)
+    traces.advance()
+    for curve in ("error", "reference_speed", "torque_command", "friction_estimate", "friction_compensation"):
+        assert len(traces.bins(curve, 20, 0).number) == 0, curve
+    assert len(traces.bins("speed", 20, 0).number) > 0
+    assert len(traces.trails["friction_estimate"].since(0)) == 0
 
 
 def test_repeated_and_late_samples_are_left_out() -> None:
