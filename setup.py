@@ -45,12 +45,17 @@ setup(
         ("share/tcs_friction/layouts", files("layouts", "*")),
         ("share/tcs_friction/security", files("security", "*.xml")),
     ],
+    package_data={
+        "tcs_friction.live": ["page/*"],
+        "tcs_friction.report.assets": ["LICENSE", "README.md", "plots.js", "uPlot.*"],
+    },
     python_requires=">=3.11",
     install_requires=["setuptools"],
     extras_require={
         "test": ["pytest"],  # colcon test runs nothing without it
         "canopen": ["canopen", "python-can"],
         "hardware": ["pyserial"],
+        "live": ["starlette", "uvicorn", "websockets"],
         "mujoco": ["mujoco"],
         "bench": ["cma", "mujoco", "pymoo", "pysindy"],
     },

@@ -9,6 +9,7 @@ BENCHMARKS = {
     "bag": "reading an hour of joint states, beside other readers",
     "recorder": "the recorder node at 1 kHz and five topics",
     "simulate": "the offline axis, beside scipy's solve_ivp",
+    "live": "what the page of a running graph costs it, at 1 kHz with two pages open",
     "services": "every service of every node called while messages flow",
     "faults": "real time under faults: limits kept, every fault named, the run resumed",
     "canopen": "the loop in real time on a CANopen drive, simulated on a virtual bus",

@@ -18,6 +18,7 @@ COMMANDS = {
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
     "node": "run one node",
     "graph": "run the whole graph",
+    "live": "show the running graph on a web page",
     "simulate": "simulate an axis and its controller; writes a bag",
     "identify": "identify inertia and friction from bags",
     "diagnose": "find the physics that a model lacks against bags",

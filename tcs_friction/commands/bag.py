@@ -19,7 +19,7 @@ from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError, printable
 from tcs_friction.recording.bags import read_recordings
-from tcs_friction.recording.info import BagInfo, TopicInfo, bag_info
+from tcs_friction.recording.info import bag_info, info_text
 from tcs_friction.recording.tables import export_table, import_table
 from tcs_friction.recording.write import write_recording
 from tcs_friction.writable import new_output, output_file
@@ -92,30 +92,3 @@ def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[st
     for note in notes:
         print(f"tcs-friction: {printable(note)}", file=sys.stderr)
     print(f"{arguments.output}: {result['samples']} samples, {result['duration']:g} s")
-
-
-def info_text(info: BagInfo) -> str:
-    """A bag's contents for people."""
-    lines = [f"{info.path}: {info.count} messages, {info.duration:.6g} s"]
-    lines += [f"  {note}" for note in info.notes]
-    width = max((len(topic.topic) for topic in info.topics), default=0)
-    kind = max((len(topic.type) for topic in info.topics), default=0)
-    lines += [_topic_line(topic, width, kind) for topic in info.topics]
-    if info.signals:
-        lines += ["", "# proposal for the axis file; check it, above all the torque's scale"]
-        lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())
-    else:
-        lines += ["", "# nothing here looks like position and torque of an axis"]
-    return "\n".join(printable(part) for line in lines for part in line.split("\n"))
-
-
-def _topic_line(topic: TopicInfo, width: int, kind: int) -> str:
-    line = f"  {topic.topic:{width}}  {topic.type:{kind}}  {topic.count:>9}  {topic.rate:8.4g} Hz  {topic.stamps} time"
-    odd = list(topic.findings)
-    if topic.latency is not None and abs(topic.latency) > 1e-6:
-        odd.append(f"latency {topic.latency:.3g} s")
-    if topic.gaps:
-        odd.append(f"gaps: {topic.gaps}, longest {topic.longest_gap:.3g} s")
-    if topic.missing:
-        odd.append(f"missing: {topic.missing}")
-    return f"{line}; {'; '.join(odd)}" if odd else line

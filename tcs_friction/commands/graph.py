@@ -9,9 +9,11 @@ Nodes on other machines find it only where the environment says so, for example 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 
 from tcs_friction.commands.inputs import MUJOCO, add_plant, check_plant
+from tcs_friction.commands.live import beside, check_packages
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.entry import announce_compiling, end_at_once, keep_logs, stay_local
 
@@ -30,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cores", metavar="2,3", help="with --realtime: the processor cores to use (default: all)")
     parser.add_argument("--monitor", action="store_true", help="the node monitor as well, which tells when physics changes")
     parser.add_argument("--processes", action="store_true", help="one process for each node")
+    parser.add_argument("--live", action="store_true", help="and its page, as `live` with the same axes shows it")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,6 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_plant(arguments)
     if arguments.cores and not arguments.realtime:
         raise InputError("--cores", f"{arguments.cores} without --realtime", "both or neither")
+    if arguments.live:
+        check_packages()
     end_at_once()
     stay_local()
     keep_logs()
@@ -61,4 +66,5 @@ def run(arguments: argparse.Namespace) -> int:
     place = "one process each" if arguments.processes else "one process"
     whose = f" of {', '.join(by_axis)}" if len(by_axis) > 1 else ""
     print(f"tcs-friction: {', '.join(names)}{whose} in {place}, until Ctrl-C", file=sys.stderr)
-    return (graph.run_processes if arguments.processes else graph.run_together)(by_axis, names)
+    with beside(arguments.axis, arguments.ros_arguments) if arguments.live else contextlib.nullcontext():
+        return (graph.run_processes if arguments.processes else graph.run_together)(by_axis, names)

@@ -124,11 +124,16 @@ def _child(name: str, arguments: Sequence[str]) -> None:
     """In the new process: the node, ended with its parent, under its own name in the list of processes (Linux)."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    end_with_parent()
     if sys.platform == "linux":
-        library = ctypes.CDLL(None)
-        library.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        library.prctl(_PR_SET_NAME, name.encode())
+        ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())
     sys.exit(run_node(name, arguments))
+
+
+def end_with_parent() -> None:
+    """In a new process: it gets SIGTERM when the one that made it ends, however that ends (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def end_processes(processes: Mapping[str, BaseProcess]) -> None:

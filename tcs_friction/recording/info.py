@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, printable
 from tcs_friction.recording import clock
 from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.bags import Bag
@@ -132,3 +133,30 @@ def _topic_info(topic: _Topic, log_times: Nanoseconds) -> TopicInfo:
         topic.channel.topic, topic.channel.msgtype, len(log_times), duration, 1e9 / period if period else 0.0, source,
         latency, len(wide), float(wide.max()) * SECOND if len(wide) else 0.0, clock.dropped(line.times), tuple(findings),
     )  # fmt: skip
+
+
+def info_text(info: BagInfo) -> str:
+    """A bag's contents for people."""
+    lines = [f"{info.path}: {info.count} messages, {info.duration:.6g} s"]
+    lines += [f"  {note}" for note in info.notes]
+    width = max((len(topic.topic) for topic in info.topics), default=0)
+    kind = max((len(topic.type) for topic in info.topics), default=0)
+    lines += [_topic_line(topic, width, kind) for topic in info.topics]
+    if info.signals:
+        lines += ["", "# proposal for the axis file; check it, above all the torque's scale"]
+        lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())
+    else:
+        lines += ["", "# nothing here looks like position and torque of an axis"]
+    return "\n".join(printable(part) for line in lines for part in line.split("\n"))
+
+
+def _topic_line(topic: TopicInfo, width: int, kind: int) -> str:
+    line = f"  {topic.topic:{width}}  {topic.type:{kind}}  {topic.count:>9}  {topic.rate:8.4g} Hz  {topic.stamps} time"
+    odd = list(topic.findings)
+    if topic.latency is not None and abs(topic.latency) > 1e-6:
+        odd.append(f"latency {topic.latency:.3g} s")
+    if topic.gaps:
+        odd.append(f"gaps: {topic.gaps}, longest {topic.longest_gap:.3g} s")
+    if topic.missing:
+        odd.append(f"missing: {topic.missing}")
+    return f"{line}; {'; '.join(odd)}" if odd else line

@@ -251,10 +251,10 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
 
 
 @pytest.mark.parametrize(
-    ("words", "group"),
+    ("words", "groups"),
     [
         (["bench", "identify"], "bench"),
-        (["bench"], "bench"),
+        (["bench"], "bench live"),
         (["node", "dynamometer", "--ros-args"], "hardware"),
         (["node", "canopen_drive"], "canopen"),
         (["bench", "canopen", "--serve", "29536"], "canopen"),
@@ -263,10 +263,13 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
         (["simulate", "my.yaml", "--plant=mujoco"], "mujoco"),
         (["diagnose", "bag", "--axis", "my.yaml", "--against", "my.XML"], "mujoco"),
         (["test", "test/physics"], "mujoco"),
+        (["live", "my.yaml", "--port", "9000"], "live"),
+        (["graph", "my.yaml", "--live"], "live"),
+        (["graph", "my.yaml", "--plant", "mujoco", "--live"], "live mujoco"),
     ],
 )
 def test_optional_sets_are_installed_once(
-    words: list[str], group: str, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], groups: str, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     module = load(checkout / "tcs")
     calls: list[str] = []
@@ -278,11 +281,12 @@ def test_optional_sets_are_installed_once(
     monkeypatch.setattr(module, "run_stage", offline)
     module.install_optional(words)
     assert "no network; going on without" in capsys.readouterr().err
-    (checkout / f".tcs/venv/{group}.stamp").write_text(module.packages_fingerprint())
+    for group in groups.split():
+        (checkout / f".tcs/venv/{group}.stamp").write_text(module.packages_fingerprint())
     module.install_optional(words)
     for others in ("identify bag", "diagnose bag --against other.bag", "graph my.yaml --plant simulated"):
         module.install_optional(others.split())
-    assert len(calls) == 1
+    assert len(calls) == len(groups.split())
 
 
 def test_a_set_up_that_was_interrupted_goes_on_from_the_stage(
