@@ -35,7 +35,6 @@ setup(
     maintainer="tcs_friction maintainers",
     maintainer_email="tcs-friction@example.org",
     packages=find_packages(include=["tcs_friction", "tcs_friction.*"]),
-    package_data={"tcs_friction.report.assets": ["LICENSE", "README.md", "plots.js", "uPlot.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tcs_friction"]),
         ("share/tcs_friction", ["package.xml"]),
