@@ -47,6 +47,7 @@ setup(
     extras_require={
         "test": ["pytest"],  # colcon test runs nothing without it
         "canopen": ["canopen", "python-can"],
+        "fleet": ["aiohttp", "bokeh", "dask", "distributed", "fsspec", "s3fs"],
         "hardware": ["pyserial"],
         "mujoco": ["mujoco"],
         "bench": ["cma", "mujoco", "pymoo", "pysindy"],
