@@ -19,6 +19,7 @@ BENCHMARKS = {
     "identify": "optimisers on the same cost",
     "hardware": "every friction law on every recording of real hardware",
     "hostile": "files drawn to hurt, beside the limits of time and memory",
+    "fleet": "many recordings on two workers beside one, the engine beside the work",
     "compensated": "tracking for having been diagnosed, beside an axis without the effects",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

@@ -115,13 +115,14 @@ class Store:
 
     def row(self, kept: Kept) -> Row | None:
         """The whole row, None if it has gone."""
-        for row in self._rows(self._partition(kept.axis, kept.month)):
+        for row in self.rows_beside(kept):
             if (row.recording, row.input_hash, row.version, row.piece) == (kept.recording, *kept.identity):
                 return row
         return None
 
-    def _rows(self, folder: str) -> list[Row]:
-        paths = self._files_in(folder)
+    def rows_beside(self, kept: Kept) -> list[Row]:
+        """All rows of its axis and month."""
+        paths = self._files_in(self._partition(kept.axis, kept.month))
         return from_table(self._dataset(paths).to_table()) if paths else []
 
     def settle(self, superseded: Collection[Kept]) -> None:
