@@ -42,10 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True)
 class Run:
-    """A run: s that it took and that its processes computed; memory of each process after each piece, bytes; its rows."""
+    """A run: s that it took, that its processes computed and that processors were busy with it; memory of each process after each piece, bytes; its rows."""
 
     wall: float
     seconds: float
+    busy: float
     pieces: int
     failed: int
     memory: tuple[tuple[int, ...], ...]
@@ -98,7 +99,7 @@ def _run(bags: Sequence[str], fleet: Path, out: Path, workers: int, diagnosed: b
     months = {(kept.axis, kept.month): kept for kept in store.kept()}
     rows = tuple(sorted(repr(row) for kept in months.values() for row in store.rows_beside(kept)))
     memory = tuple(tuple(values) for process, values in summary.memory.items() if process)
-    return Run(wall, summary.seconds, summary.now, summary.failed, memory, rows)
+    return Run(wall, summary.seconds, summary.busy, summary.now, summary.failed, memory, rows)
 
 
 def _load() -> None:
@@ -111,8 +112,8 @@ def _speed(one: Run, two: Run) -> list[dict[str, Any]]:
     return [
         {"name": f"bags an hour, two workers beside one on {one.pieces} bags (bar: 1.8)", "value": 3600 * two.pieces / two.wall,
          "unit": "1/h", "beside": 3600 * one.pieces / one.wall, "ratio": one.wall / two.wall},
-        {"name": "work of the two workers together, beside that of one", "value": two.seconds, "unit": "s",
-         "beside": one.seconds, "ratio": two.seconds / one.seconds},
+        {"name": "processor time of the two workers together, beside that of one", "value": two.busy, "unit": "s",
+         "beside": one.busy, "ratio": two.busy / one.busy},
         {"name": "time of one worker beside its work (bar: 1.05)", "value": one.wall, "unit": "s", "beside": one.seconds,
          "ratio": one.wall / one.seconds},
         {"name": "rows equal bit for bit with one worker and two", "value": equal, "beside": len(one.rows),

@@ -8,7 +8,6 @@ import os
 import signal
 import warnings
 from collections.abc import Iterator
-from typing import Any
 
 import dask
 from distributed import Client, LocalCluster
@@ -28,7 +27,7 @@ SETTINGS = {
 }
 REACHABLE = 10.0  # s within which a scheduler answers, and has a worker
 DASHBOARD = "127.0.0.1:8787"
-ENDING = 5.0  # s that workers have for an orderly end
+ENDING, IN_A_HURRY = 10.0, 1.0  # s that workers have for an orderly end; the second after an error or an interrupt
 
 
 @contextlib.contextmanager
@@ -41,15 +40,12 @@ def workers_here(count: int) -> Iterator[Client]:
             n_workers=count, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=DASHBOARD,
             env=ONE_THREAD, silence_logs=logging.CRITICAL,
         )  # fmt: skip
+        patience = IN_A_HURRY
         try:
-            client = Client(cluster, set_as_default=False)
-            try:
-                yield client
-            finally:
-                _end(cluster, client)
-        except BaseException:
-            _kill(cluster)
-            raise
+            yield Client(cluster, set_as_default=False)
+            patience = ENDING
+        finally:
+            _end(cluster, patience)
 
 
 @contextlib.contextmanager
@@ -94,17 +90,13 @@ def _processes(cluster: LocalCluster) -> list[int]:
     return found
 
 
-def _end(cluster: LocalCluster, client: Any) -> None:
+def _end(cluster: LocalCluster, patience: float) -> None:
     numbers = _processes(cluster)
-    with contextlib.suppress(Exception):
-        client.close(timeout=ENDING)
-    with contextlib.suppress(Exception):
-        cluster.close(timeout=ENDING)
-    _kill_all(numbers)
-
-
-def _kill(cluster: LocalCluster) -> None:
-    _kill_all(_processes(cluster))
+    try:
+        with contextlib.suppress(Exception):
+            cluster.close(timeout=patience)
+    finally:
+        _kill_all(numbers)
 
 
 def _kill_all(numbers: list[int]) -> None:

@@ -41,7 +41,7 @@ Progress = Callable[[str, int, int, int], None]
 class Summary:
     """What a run did, in pieces of recordings: done before, done now, failed of both.
 
-    seconds: of computing, of all processes together. memory: of each process after each of its pieces, bytes.
+    seconds, busy: of all processes together, by the clock and of the processor. memory: of each process after each of its pieces, bytes.
     """
 
     recordings: int = 0
@@ -49,6 +49,7 @@ class Summary:
     now: int = 0
     failed: int = 0
     seconds: float = 0.0
+    busy: float = 0.0
     memory: dict[int, list[int]] = field(default_factory=dict)
     reasons: list[str] = field(default_factory=list)
 
@@ -132,11 +133,12 @@ def _not_done(todo: Sequence[Job], plan: Plan, store: Store, summary: Summary) -
 
 def _work(client: Client, left: Sequence[Task], total: int, store: Store, summary: Summary, progress: Progress) -> None:
     progress("working", total - len(left), total, summary.failed)
-    for _, result in spread(client, work, left, lambda task: Result(failed(task, DIED), 0.0, 0, 0)):
+    for _, result in spread(client, work, left, lambda task: Result(failed(task, DIED), 0.0, 0.0, 0, 0)):
         store.write(result.row)
         summary.now += 1
         summary.add(result.row, result.row.reason)
         summary.seconds += result.seconds
+        summary.busy += result.busy
         summary.memory.setdefault(result.process, []).append(result.memory)
         progress("working", summary.before + summary.now, total, summary.failed)
 
@@ -170,7 +172,7 @@ def spread(
     """
     left, finished = iter(items), as_completed(loop=client.loop)
     at_work: dict[str, In] = {}
-    room, counted = AHEAD * capacity(client), time.monotonic()
+    room, counted = AHEAD * _capacity(client), time.monotonic()
 
     def more() -> None:
         for item in itertools.islice(left, max(0, room - len(at_work))):
@@ -184,19 +186,33 @@ def spread(
         item = at_work.pop(future.key)
         yield item, _outcome(client, future, item, died)
         if time.monotonic() - counted > COUNTED_AGAIN:
-            room, counted = AHEAD * capacity(client), time.monotonic()
+            room, counted = AHEAD * _capacity(client), time.monotonic()
         more()
 
 
+def _capacity(client: Client) -> int:
+    try:
+        return capacity(client)
+    except (OSError, TimeoutError):
+        raise _gone(client) from None
+
+
+def _gone(client: Client) -> JobError:
+    return JobError(_where(client), "the scheduler has gone")
+
+
+def _where(client: Client) -> str:
+    return str(getattr(client.scheduler, "address", None) or "scheduler")
+
+
 def _outcome(client: Client, future: Future, item: In, died: Callable[[In], Out]) -> Out:
-    where = str(getattr(client.scheduler, "address", "scheduler"))
     if future.status == "finished":
         value: Out = future.result()
         return value
     if future.status == "cancelled":
-        raise JobError(where, "the scheduler has gone")
+        raise _gone(client)
     error = future.exception()
     if isinstance(error, KilledWorker):
         return died(item)
     said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    raise JobError(where, f"its workers cannot do this work ({said})")
+    raise JobError(_where(client), f"its workers cannot do this work ({said})")

@@ -46,21 +46,22 @@ class Task:
 
 @dataclass(frozen=True)
 class Result:
-    """A row, and what it took: s of computing, the process and its memory after it, bytes. These are not kept in the row."""
+    """A row, and what it took: s, s of the processor, the process and its memory after it, bytes. That is not kept in the row."""
 
     row: Row
     seconds: float
+    busy: float
     process: int
     memory: int
 
 
 def work(task: Task) -> Result:
     """Everything that is done for one row; whatever goes wrong becomes its reason."""
-    began = time.perf_counter()
+    began, busy = time.perf_counter(), time.thread_time()
     with alone():
         row = _row(task)
     _give_back_memory()
-    return Result(row, time.perf_counter() - began, os.getpid(), _memory())
+    return Result(row, time.perf_counter() - began, time.thread_time() - busy, os.getpid(), _memory())
 
 
 def failed(task: Task, reason: str) -> Row:

@@ -6,14 +6,12 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import fsspec
 import numpy as np
 import pytest
+import s3fs
 from fleet_cases import START, recording, signals, write_axes, write_bag
-
-pytest.importorskip("s3fs")
-moto_server = pytest.importorskip("moto.server")
-
-import fsspec
+from moto.server import ThreadedMotoServer
 
 from tcs_friction.fleet.axes import read_axes
 from tcs_friction.fleet.look import look_at
@@ -30,7 +28,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 @pytest.fixture(scope="module")
 def bucket() -> Iterator[str]:
-    server = moto_server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
     before = dict(os.environ)
@@ -71,8 +69,6 @@ def test_chunks_without_wanted_topics_are_not_fetched(
     path = tmp_path / "big.mcap"
     size = write_beside_camera(path)
     fsspec.filesystem("s3").put(str(path), f"{bucket}/big.mcap")
-    import s3fs
-
     fetched = 0
     original = s3fs.core.S3File._fetch_range
 
