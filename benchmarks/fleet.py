@@ -42,7 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True)
 class Run:
-    """A run: s that it took, that its processes computed and that processors were busy with it; memory of each process after each piece, bytes; its rows."""
+    """A run: s that it took, that its processes computed, and that processors were busy with it; its rows.
+
+    memory: of each process after each piece, bytes.
+    """
 
     wall: float
     seconds: float

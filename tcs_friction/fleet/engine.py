@@ -41,7 +41,8 @@ Progress = Callable[[str, int, int, int], None]
 class Summary:
     """What a run did, in pieces of recordings: done before, done now, failed of both.
 
-    seconds, busy: of all processes together, by the clock and of the processor. memory: of each process after each of its pieces, bytes.
+    seconds, busy: of all processes together, by the clock and of the processor.
+    memory: of each process after each of its pieces, bytes.
     """
 
     recordings: int = 0

@@ -1,4 +1,4 @@
-"""Without the optional packages of fleets their tests are left out, which `./tcs test` reports as a failure of its set-up."""
+"""Where the optional packages of fleets are not installed, their tests are left out; `./tcs test` installs them."""
 
 from __future__ import annotations
 
