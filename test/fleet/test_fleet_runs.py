@@ -21,7 +21,7 @@ from tcs_friction.cli import main
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.fleet import engine
 from tcs_friction.fleet.axes import read_axes
-from tcs_friction.fleet.cluster import workers_here
+from tcs_friction.fleet.cluster import workers_here, workers_of
 from tcs_friction.fleet.plan import Plan
 from tcs_friction.fleet.rows import DONE, FAILED, Row
 from tcs_friction.fleet.sources import find
@@ -180,20 +180,36 @@ def test_one_worker_of_a_scheduler_that_is_there_makes_the_same_rows(client: Cli
     assert files(fleet / "other") == files(fleet / "out")
 
 
+CLUSTER = """
+import time
+from tcs_friction.fleet.cluster import workers_here
+if __name__ == "__main__":
+    with workers_here(1) as client:
+        print(client.scheduler.address, flush=True)
+        time.sleep(600)
+"""
+
+
 def test_a_scheduler_that_dies_is_said_and_what_was_done_is_kept(fleet: Path) -> None:
-    with workers_here(1) as other, Client(other.scheduler.address, set_as_default=False) as client:
-        count = 0
+    script = fleet / "cluster.py"
+    script.write_text(CLUSTER)
+    process = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
 
-        def progress(stage: str, done: int, _: int, __: int) -> None:
-            nonlocal count
-            if stage == "working" and done == 3:
-                count = done
-                other.cluster.scheduler.loop.add_callback(other.cluster.scheduler.close)
+    def progress(stage: str, done: int, _: int, __: int) -> None:
+        if stage == "working" and done == 3:
+            process.kill()
 
-        plan = Plan(read_axes(fleet / "AXES.yaml"), "AXES.yaml", diagnosed=False)
-        with pytest.raises(JobError, match=r"the scheduler has gone; \d of 7 are done and kept"):
+    plan = Plan(read_axes(fleet / "AXES.yaml"), "AXES.yaml", diagnosed=False)
+    try:
+        with (
+            pytest.raises(JobError, match=r"the scheduler has gone; \d of 7 are done and kept"),
+            workers_of(process.stdout.readline().strip()) as client,
+        ):
             engine.run(client, find([str(fleet / "bags")]), plan, Store(str(fleet / "out")), progress)
-    assert count == 3
+    finally:
+        process.kill()
+        process.communicate()
     assert len(files(fleet / "out")) >= 3
 
 
