@@ -53,6 +53,7 @@ setup(
     extras_require={
         "test": ["pytest"],  # colcon test runs nothing without it
         "canopen": ["canopen", "python-can"],
+        "fleet": ["aiohttp", "bokeh", "dask", "distributed", "fsspec", "s3fs"],
         "hardware": ["pyserial"],
         "live": ["starlette", "uvicorn", "websockets"],
         "mujoco": ["mujoco"],

@@ -22,6 +22,7 @@ BENCHMARKS = {
     "identify": "optimisers on the same cost",
     "hardware": "every friction law on every recording of real hardware",
     "hostile": "files drawn to hurt, beside the limits of time and memory",
+    "fleet": "many recordings on two workers beside one, the engine beside the work",
     "compensated": "tracking for having been diagnosed, beside an axis without the effects",
     "monitor": "the watch for changes: false alarms in a day, time until a change is told, cost of a tick",
     "fleet_year": "changes in years of stored results: false ones, and planted ones within their errors",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import importlib.util
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from types import ModuleType
 from typing import Any, TextIO, cast
 
 from tcs_friction.commands.parser import parser_of
@@ -27,6 +29,7 @@ COMMANDS = {
     "response": "frequency response from torque to speed from bags, and models of it",
     "paper": "every table and figure of the paper, ours beside theirs",
     "bag": "look into bags, export and import them",
+    "fleet": "identify and diagnose many recordings of many axes on Dask; what changed over time",
     "bench": "run a benchmark",
 }
 
@@ -117,6 +120,20 @@ def _command(words: list[str]) -> int:
 
 def _run(name: str, words: list[str]) -> int:
     module = importlib.import_module(f"tcs_friction.commands.{name}")
+    if words and words[0] in getattr(module, "SUBCOMMANDS", {}):
+        return _run_subcommand(name, module.SUBCOMMANDS[words[0]], words)
+    return _run_module(name, module, words)
+
+
+def _run_subcommand(name: str, file: str, words: list[str]) -> int:
+    """A command of two words, in a file of its own."""
+    path = f"tcs_friction.commands.{file}"
+    if importlib.util.find_spec(path) is None:
+        raise InputError(f"{name} {words[0]}", "is not in this version", f"{name} --help")
+    return _run_module(f"{name} {words[0]}", importlib.import_module(path), words[1:])
+
+
+def _run_module(name: str, module: ModuleType, words: list[str]) -> int:
     parser = parser_of(name, module)
     if "--ros-args" in words and getattr(module, "TAKES_ROS_ARGUMENTS", False):
         cut = words.index("--ros-args")

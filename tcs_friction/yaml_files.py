@@ -65,6 +65,14 @@ _Loader.yaml_implicit_resolvers = {
 
 def load_yaml(path: Path, what: str = "a YAML file") -> Mapping[str, Any]:
     """A YAML file whose top level is a mapping; `what` is expected where there is none. InputError in one line otherwise."""
+    content = load_yaml_of_any_kind(path, what)
+    if not isinstance(content, Mapping):
+        raise InputError(str(path), f"{type(content).__name__} {str(content)[:40]!r}", "a mapping")
+    return content
+
+
+def load_yaml_of_any_kind(path: Path, what: str = "a YAML file") -> Any:
+    """The same whatever its top level is."""
     try:
         with Path(path).open("rb") as stream:
             data = stream.read(LARGEST + 1)
@@ -73,10 +81,7 @@ def load_yaml(path: Path, what: str = "a YAML file") -> Mapping[str, Any]:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(str(path), f"cannot be read ({reason})", what) from None
-    content = parse_yaml(data, str(path))
-    if not isinstance(content, Mapping):
-        raise InputError(str(path), f"{type(content).__name__} {str(content)[:40]!r}", "a mapping")
-    return content
+    return parse_yaml(data, str(path))
 
 
 def parse_yaml(data: bytes | str, where: str) -> Any:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from typing import TypeVar
 
 In = TypeVar("In")
@@ -24,12 +25,25 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+@contextmanager
+def alone() -> Iterator[None]:
+    """Within, this thread maps on its own: where one process a core is at work already, more threads only get in their way."""
+    before = getattr(_here, "alone", False)
+    _here.alone = True
+    try:
+        yield
+    finally:
+        _here.alone = before
+
+
 def side_by_side(function: Callable[[In], Out], items: Iterable[In]) -> list[Out]:
     """`[function(item) for item in items]` on up to MOST_THREADS cores.
 
     Within another such map, threads that have run out of work there help here.
     """
     items = list(items)
+    if getattr(_here, "alone", False):
+        return [function(item) for item in items]
     if hasattr(_here, "pool"):
         return _shared(_here.pool, function, items, takes_part=True)
     workers = min(cores(), MOST_THREADS)

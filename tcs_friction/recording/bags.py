@@ -19,6 +19,7 @@ from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.mcap_index import IndexedBag
 from tcs_friction.recording.metadata import listed_files
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -56,7 +57,7 @@ def _recording(signals: SignalMap, path: Path) -> Recording:
     return align(columns, signals, str(bag.path), notes)
 
 
-def read_columns(bag: Bag, sources: Collection[SignalSource]) -> tuple[dict[str, TopicColumns], list[str]]:
+def read_columns(bag: Bag | IndexedBag, sources: Collection[SignalSource]) -> tuple[dict[str, TopicColumns], list[str]]:
     """The columns of every topic that `sources` name, and what was found on the way.
 
     Raises InputError naming the nearest topic, field or joint when one does not exist or is empty.

@@ -6,6 +6,7 @@ index. Where a record cannot be one, reading goes on at the next bytes that sure
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 import zlib
@@ -90,6 +91,12 @@ class McapScan:
             self.damage.add("the end of the file is missing", self._cut_bytes)
         self._reckon()
 
+    def record(self, record: bytes) -> Iterator[Batch]:
+        """The whole messages of one record that lies in `record` alone, a chunk mostly."""
+        window = Window(io.BytesIO(record), len(record))
+        while window.remaining:
+            yield from self._record(window)
+
     def _read_summary(self, stream: BinaryIO, size: int) -> None:
         """Topics and count from the end of the file, if it has a whole end: the chunk that has them may be lost."""
         if size > TAIL:
@@ -98,10 +105,11 @@ class McapScan:
             operation, length, start = struct.unpack_from("<BQQ", tail)
             if tail.endswith(MAGIC) and (operation, length) == (FOOTER, 20) and 0 < start < size - TAIL:
                 stream.seek(start)
-                self._note_summary(stream.read(min(size - TAIL - start, MAX_SUMMARY)))
+                self.note_summary(stream.read(min(size - TAIL - start, MAX_SUMMARY)))
         stream.seek(0)
 
-    def _note_summary(self, summary: bytes) -> None:
+    def note_summary(self, summary: bytes) -> None:
+        """Keep the topics and the count that the records of a summary say."""
         at = 0
         while at + 9 <= len(summary):
             self.allowance.spend(1)

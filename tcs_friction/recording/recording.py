@@ -26,6 +26,7 @@ class Recording:
     segments: stretches without a gap, in order; nothing may be integrated or interpolated across their edges.
         Left empty, the whole recording is one segment.
     source: where it came from, for messages. notes: what was found and handled on reading, one line each.
+    start: of t = 0, ns since 1970, 0 where nobody knows it.
 
     Raises InputError naming the signal and the sample that breaks a rule.
     """
@@ -40,6 +41,7 @@ class Recording:
     segments: tuple[slice, ...] = ()
     source: str = "recording"
     notes: tuple[str, ...] = ()
+    start: int = 0
 
     def __post_init__(self) -> None:
         for name in ("t", "position", "torque", "velocity", "temperature", "reference"):
@@ -76,13 +78,13 @@ class Recording:
             self.t[start:stop], self.position[start:stop], self.torque[start:stop],
             cut(self.velocity), cut(self.temperature), cut(self.reference),
             {name: values[start:stop] for name, values in self.exogenous.items()},
-            segments, self.source, self.notes,
+            segments, self.source, self.notes, self.start,
         )  # fmt: skip
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = (
             self.t, self.position, self.torque, self.velocity, self.temperature, self.reference,
-            dict(self.exogenous), self.segments, self.source, self.notes,
+            dict(self.exogenous), self.segments, self.source, self.notes, self.start,
         )  # fmt: skip
         return (Recording, arguments)
 

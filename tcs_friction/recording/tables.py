@@ -40,6 +40,7 @@ TORQUE_WORDS = (*NAMES["torque"], "thrust", "current", "iq", "voltage")
 """Last words of a column's name that say a torque where no column is called just so: `Motor force`, `q-axis current`."""
 
 LONGEST = 1e9  # s, thirty years; times that are farther apart are in another unit
+FIRST_DATE, LAST_DATE = 1e9, 4e9  # s since 1970, the years 2001 and 2096; smaller times count from something else
 _HEAD = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
 
 
@@ -163,7 +164,13 @@ def _recording(
         topic, stamps, stamps, {SignalSource(topic, name): column[good] for name, column in found.items()}
     )
     recording = align({topic: columns}, table, topic, notes)
-    return replace(recording, notes=tuple(note for note in recording.notes if not note.startswith("time base")))
+    told = tuple(note for note in recording.notes if not note.startswith("time base"))
+    return replace(recording, notes=told, start=_began(float(np.min(times[good], initial=np.inf))))
+
+
+def _began(seconds: float) -> int:
+    """Start of a recording, ns since 1970, from its first time, 0 where that counts from something else."""
+    return round(seconds * 1e9) if FIRST_DATE <= seconds <= LAST_DATE else 0
 
 
 def default_signals(joint: str, names: Iterable[str], others: Iterable[str]) -> SignalMap:

@@ -262,10 +262,12 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
         (["graph", "my.yaml", "--plant", "mujoco", "--joint", "elbow"], "mujoco"),
         (["simulate", "my.yaml", "--plant=mujoco"], "mujoco"),
         (["diagnose", "bag", "--axis", "my.yaml", "--against", "my.XML"], "mujoco"),
-        (["test", "test/physics"], "mujoco"),
         (["live", "my.yaml", "--port", "9000"], "live"),
         (["graph", "my.yaml", "--live"], "live"),
         (["graph", "my.yaml", "--plant", "mujoco", "--live"], "live mujoco"),
+        (["test", "test/physics"], "test_optional"),
+        (["fleet", "bags", "--axes", "axes.yaml"], "fleet"),
+        (["bench", "fleet"], "fleet"),
     ],
 )
 def test_optional_sets_are_installed_once(
