@@ -64,7 +64,7 @@ class Summary:
 def run(client: Client, found: Sequence[Found], plan: Plan, store: Store, progress: Progress) -> Summary:
     """Do what is to be done; each row is kept as soon as it is there.
 
-    Raises InputError when a recording is of two axes, or an axis of none; JobError when the scheduler goes away.
+    Raises InputError when two axes claim one signal, or an axis none; JobError when the scheduler goes away.
     """
     summary = Summary(len(found))
     todo = jobs(found, _looks(client, found, plan, store, progress), plan)

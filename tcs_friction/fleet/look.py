@@ -22,9 +22,10 @@ HEAD = 2000
 
 @dataclass(frozen=True)
 class Look:
-    """What was seen. axes: names of those that fit. start: ns since 1970, 0 if unknown. samples: of the position's topic.
+    """What was seen.
 
-    reason: why it cannot be worked on, "" if it can.
+    axes: names of those that fit. starts: of each, ns since 1970, 0 if unknown. samples: of its position's topic. reason: why it
+    cannot be worked on, "" if it can.
     """
 
     name: str
@@ -32,8 +33,8 @@ class Look:
     axes_key: str
     input_hash: str
     axes: tuple[str, ...] = ()
-    start: int = 0
-    samples: int = 0
+    starts: tuple[int, ...] = ()
+    samples: tuple[int, ...] = ()
     reason: str = ""
 
 
@@ -53,7 +54,8 @@ def _table(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:
         recording = import_table(path, "", {}, kind=axes[0].file.axis.kind).recording
     fitting = tuple(axis.name for axis in axes if axis.fits(found.name, (), recording.start))
     reason = "" if fitting else "no axis fits its path and time"
-    return replace(look, axes=fitting, start=recording.start, samples=len(recording), reason=reason)
+    count = len(fitting)
+    return replace(look, axes=fitting, starts=(recording.start,) * count, samples=(len(recording),) * count, reason=reason)
 
 
 def _bag(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:
@@ -65,9 +67,9 @@ def _bag(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:
     fitting = [axis for axis in axes if (start := begun[axis.name]) is not None and axis.fits(found.name, topics, start)]
     if not fitting:
         return replace(look, reason=f"no axis fits{bag.lament()}: its topics are {', '.join(sorted(topics))}")
-    first = fitting[0]
-    start, samples = begun[first.name], counts[first.signals.position.topic]
-    return replace(look, axes=tuple(axis.name for axis in fitting), start=start or 0, samples=samples)
+    starts = tuple(begun[axis.name] or 0 for axis in fitting)
+    samples = tuple(counts[axis.signals.position.topic] for axis in fitting)
+    return replace(look, axes=tuple(axis.name for axis in fitting), starts=starts, samples=samples)
 
 
 def _heads(bag: Bag | IndexedBag, wanted: set[str]) -> tuple[dict[str, Batch], dict[str, int]]:

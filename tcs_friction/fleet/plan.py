@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -67,34 +68,40 @@ def identity_of(job: Job) -> Identity:
 
 
 def jobs(found: Sequence[Found], looks: Mapping[str, Look], plan: Plan) -> list[Job]:
-    """All of a run, in the order of the recordings. Raises InputError when a recording is of two axes, or an axis of none."""
+    """All of a run, in the order of the recordings; a bag of a whole mount is a recording of each of its axes.
+
+    Raises InputError when two axes claim the same signals of a recording, or an axis none.
+    """
     check(looks.values(), plan)
     axes = {axis.name: axis for axis in plan.axes}
     result: list[Job] = []
     for one in found:
         look = looks[one.name]
         if not look.axes:
-            result.append(unassigned(one.name, look.input_hash, plan.version(None), look.reason, look.start))
+            result.append(unassigned(one.name, look.input_hash, plan.version(None), look.reason))
             continue
-        axis = axes[look.axes[0]]
-        cuts: tuple[Span | None, ...] = spans(look.samples, plan.samples)
-        cuts = (None,) if len(cuts) == 1 else cuts
-        result.extend(
-            Task(one, axis, look.input_hash, plan.version(axis), piece, span, look.start, plan.diagnosed)
-            for piece, span in enumerate(cuts)
-        )
+        for name, start, samples in zip(look.axes, look.starts, look.samples, strict=True):
+            axis = axes[name]
+            cuts: tuple[Span | None, ...] = spans(samples, plan.samples)
+            cuts = (None,) if len(cuts) == 1 else cuts
+            result.extend(
+                Task(one, axis, look.input_hash, plan.version(axis), piece, span, start, plan.diagnosed)
+                for piece, span in enumerate(cuts)
+            )
     return result
 
 
 def check(looks: Iterable[Look], plan: Plan) -> None:
-    """Raises InputError when a recording is of two axes, or an axis of none."""
+    """Raises InputError when two axes claim the same position of a recording, or an axis claims none."""
     met: set[str] = set()
+    claims = {axis.name: axis.signals.position for axis in plan.axes}
     count = 0
     for look in looks:
         count += 1
         met.update(look.axes)
-        if len(look.axes) > 1:
-            found = f"axes {' and '.join(look.axes)} both match"
+        rivals = next((two for two in itertools.combinations(look.axes, 2) if claims[two[0]] == claims[two[1]]), ())
+        if rivals:
+            found = f"axes {' and '.join(rivals)} both match"
             raise InputError(look.name, found, f"one: topic, joint, path, from or to in {plan.where} tell them apart")
     for axis in plan.axes:
         if axis.name not in met:

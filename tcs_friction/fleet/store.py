@@ -176,7 +176,7 @@ class Store:
         with contextlib.suppress(ValueError, TypeError, KeyError):  # a cache
             for line in self.fs.cat_file(self._path(LOOKS)).decode().splitlines():
                 content = json.loads(line)
-                look = Look(**{**content, "axes": tuple(content["axes"])})
+                look = Look(**content | {name: tuple(content[name]) for name in ("axes", "starts", "samples")})
                 self._looks[look.key] = look
 
     # files

@@ -66,13 +66,13 @@ def work(task: Task) -> Result:
 
 def failed(task: Task, reason: str) -> Row:
     """The row of a piece that could not be worked on."""
-    row = unassigned(task.found.name, task.input_hash, task.version, reason, task.start)
-    return replace(row, axis=task.axis.name, piece=task.piece)
+    row = unassigned(task.found.name, task.input_hash, task.version, reason)
+    return replace(row, axis=task.axis.name, month=month_of(task.start), start=task.start, piece=task.piece)
 
 
-def unassigned(recording: str, input_hash: str, version: str, reason: str, start: int = 0) -> Row:
+def unassigned(recording: str, input_hash: str, version: str, reason: str) -> Row:
     """The row of a recording that belongs to no axis."""
-    return Row(NO_AXIS, month_of(start), recording, 0, start, 0.0, input_hash, version, FAILED, reason)
+    return Row(NO_AXIS, month_of(0), recording, 0, 0, 0.0, input_hash, version, FAILED, reason)
 
 
 def _row(task: Task) -> Row:

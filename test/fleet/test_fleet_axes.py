@@ -11,7 +11,7 @@ from fleet_cases import START, write_axes
 from tcs_friction.errors import InputError
 from tcs_friction.fleet.axes import fingerprint, read_axes
 from tcs_friction.fleet.look import Look
-from tcs_friction.fleet.plan import Plan, check, jobs
+from tcs_friction.fleet.plan import Plan, check, identity_of, jobs
 from tcs_friction.fleet.sources import Found, StoredFile
 from tcs_friction.fleet.work import Task
 
@@ -72,17 +72,30 @@ def test_the_fingerprint_changes_with_what_decides(tmp_path: Path) -> None:
 
 
 def test_two_axes_of_one_recording_and_an_axis_of_none_are_named(tmp_path: Path) -> None:
-    plan = Plan(read_axes(write_axes(tmp_path, ["a", "b"])), "AXES.yaml")
+    path = write_axes(tmp_path, ["a", "b"])
+    twin = (tmp_path / "a.yaml").read_text().replace("name: a\n", "name: b\n", 1)  # with the signals of a
+    (tmp_path / "b.yaml").write_text(twin)
+    plan = Plan(read_axes(path), "AXES.yaml")
     with pytest.raises(InputError, match=r"x: axes a and b both match, expected one: topic, joint, path, from or to in AXES"):
         check([Look("x", "", "", "", ("a", "b"))], plan)
     with pytest.raises(InputError, match=r"AXES.yaml: axis b matches none of 1 recording, expected"):
         check([Look("x", "", "", "", ("a",))], plan)
 
 
+def test_a_bag_of_a_whole_mount_is_a_recording_of_each_axis(tmp_path: Path) -> None:
+    plan = Plan(read_axes(write_axes(tmp_path, ["a", "b"])), "AXES.yaml", samples=1000)
+    found = Found("x", "file", (StoredFile("/x", 1, ""),))
+    made = jobs([found], {"x": Look("x", "", "", "h", ("a", "b"), (START, START + 1), (900, 1900))}, plan)
+    assert [(task.axis.name, task.start, task.piece) for task in made if isinstance(task, Task)] == [
+        ("a", START, 0), ("b", START + 1, 0), ("b", START + 1, 1)
+    ]  # fmt: skip
+    assert len({identity_of(task) for task in made}) == 3, "each has a row of its own"
+
+
 def test_a_long_recording_becomes_pieces(tmp_path: Path) -> None:
     plan = Plan(read_axes(write_axes(tmp_path, ["a"])), "AXES.yaml", samples=1000)
     found = Found("x", "file", (StoredFile("/x", 1, ""),))
-    made = jobs([found], {"x": Look("x", "", "", "h", ("a",), START, 2500)}, plan)
+    made = jobs([found], {"x": Look("x", "", "", "h", ("a",), (START,), (2500,))}, plan)
     assert [task.span and (task.span.start, task.span.stop) for task in made if isinstance(task, Task)] == [
         (0, 833), (833, 1666), (1666, 2500)
     ]  # fmt: skip
