@@ -154,9 +154,10 @@ class _Conclusion:
             return Verdict.UNEXPLAINED
         if found:
             return Verdict.MISSING_PHYSICS if runs["improved"] <= runs["retuned"] else Verdict.UNEXPLAINED
-        if fit.axis.friction.term is not self.file.axis.friction.term:
-            return Verdict.PARAMETERS if errors["retuned"].train > WRONG_PARAMETERS * errors["improved"].train else Verdict.MATCH
         aligned = replace(self.file.axis, actuation_delay=fit.axis.actuation_delay)
+        if fit.axis.friction.term is not self.file.axis.friction.term:
+            left = self._errors(self._residual(aligned)).train
+            return Verdict.PARAMETERS if left > WRONG_PARAMETERS * errors["improved"].train else Verdict.MATCH
         gain = (self.balance.squares(aligned, fit.noise) - fit.squares) / fit.squares.dispersion
         worse = _is_worse(self._errors(self._residual(aligned)), errors)
         return Verdict.PARAMETERS if gain > chance(len(fit.free)) and worse else Verdict.MATCH

@@ -167,8 +167,17 @@ class _Proof:
                 continue
             for each, deviation in _deviations(parameter, phase, item, numbers, covariance):
                 unit = each.unit_for(fit.axis.kind)
+                if item.term.discontinuous and item.term.coordinate == "time" and each.role is Role.SHAPE:
+                    deviation = max(deviation, self._moment_within(item.values[each.name]))
                 result[each.name] = {"value": item.values[each.name], "std": deviation, "unit": unit}
         return result
+
+    def _moment_within(self, moment: float) -> float:
+        """Standard deviation (s) of a moment anywhere between two samples of the fit, or in what the low pass blurs."""
+        t = self.balance.data.joined("t")[self.balance.train]
+        after = int(np.clip(np.searchsorted(t, moment), 1, len(t) - 1))
+        gap = max(float(t[after] - t[after - 1]), 1.0 / self.balance.data.cutoff)
+        return gap / math.sqrt(12.0)
 
 
 def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcs_friction.physics.terms import EXTRA_LEVEL, TORQUE, Parameter, Place, Role, Term, kernel
+from tcs_friction.physics.terms import EXTRA_LEVEL, TORQUE, Need, Parameter, Place, Role, Term, kernel
 
 
 @kernel
@@ -25,4 +25,5 @@ TERM = Term(
     kernel=scale,
     reads=("torque",),
     coordinate="torque",
+    needs=frozenset({Need.FREE_ACCELERATION}),  # else its load is the inertia's torque, which is not known
 )

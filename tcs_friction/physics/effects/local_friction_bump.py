@@ -19,6 +19,8 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
+WIDEST = 1.0 / 6.0  # of the travel: what is wider is friction that depends on the position all over
+
 
 @kernel
 def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
@@ -29,8 +31,12 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     """Six widths; where, a matched filter over the position finds (`local`)."""
-    widths = geometric(survey.span / 300.0, survey.span / 6.0, 6)
+    widths = geometric(survey.span / 300.0, WIDEST * survey.span, 6)
     return [{"centre": survey.travel[0], "width": width} for width in widths]
+
+
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    return "it is not in one place of the travel" if values["width"] > WIDEST * survey.span else ""
 
 
 TERM = Term(
@@ -48,5 +54,6 @@ TERM = Term(
     reads=(),
     coordinate="position",
     scan=scan,
+    implausible=implausible,
     local=Local(),
 )

@@ -21,6 +21,7 @@ from tcs_friction.physics.terms import (
 )
 
 LARGEST_DROP = 4.0  # of Coulomb friction
+FASTEST_DROP = 0.3  # of the fastest speed, over which friction may fall: what still bends at half that speed is viscous friction
 
 
 @kernel
@@ -33,13 +34,20 @@ def scale(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     return [
         {"stribeck_velocity": v}
-        for v in geometric(max(survey.slow, 1e-4 * survey.fast), 0.3 * survey.fast, 8)
+        for v in geometric(max(survey.slow, 1e-4 * survey.fast), FASTEST_DROP * survey.fast, 8)
     ]
 
 
 def implausible(values: Mapping[str, float], survey: Survey) -> str:
-    """Static friction is up to some two times Coulomb friction (Armstrong-Helouvry et al. 1994); far more is something else."""
-    return "friction at rest is not so much more than in sliding" if values["drop"] > LARGEST_DROP * survey.level else ""
+    """Static friction is up to some two times Coulomb friction (Armstrong-Helouvry et al. 1994); far more is something else.
+
+    So is a drop over all speeds of the recording: drag that grows less than in proportion to the speed looks like it.
+    """
+    if values["drop"] > LARGEST_DROP * survey.level:
+        return "friction at rest is not so much more than in sliding"
+    if values.get("stribeck_velocity", 0.0) > FASTEST_DROP * survey.fast:
+        return "the drop is not over at the speeds of the recording"
+    return ""
 
 
 def of_law(values: Mapping[str, float]) -> Mapping[str, float]:
