@@ -27,6 +27,11 @@ def output_directory(word: str | Path) -> Path:
     return path
 
 
+def output_place(word: str) -> str:
+    """A directory as `output_directory` has it, or a URL, which is looked at when it is opened."""
+    return word if "://" in word else str(output_directory(word))
+
+
 def output_file(word: str | Path) -> Path:
     """A file to write, in place of one that may be there."""
     path = Path(word)

@@ -57,6 +57,14 @@ def test_the_wrong_kind_of_output_is_refused(tmp_path: Path) -> None:
     assert (tmp_path / "file").read_text() == "mine"
 
 
+def test_a_place_is_a_directory_or_a_url(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert writable.output_place(str(tmp_path / "new")) == str(tmp_path / "new")
+    assert writable.output_place("s3://bucket/results") == "s3://bucket/results"
+    with pytest.raises(InputError, match="is a file"):
+        writable.output_place(str(tmp_path / "file"))
+
+
 def outputs(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     """Every argument called output, of the commands of a command too."""
     for action in parser._actions:
@@ -72,7 +80,7 @@ def test_every_command_looks_at_its_output_before_the_work() -> None:
     for name in cli.COMMANDS:
         module = importlib.import_module(f"tcs_friction.commands.{name}")
         for action in outputs(parser_of(name, module)):
-            assert action.type in CHECKED, name
+            assert action.type in (*CHECKED, writable.output_place), name
             assert action.default is None or isinstance(action.default, str), "argparse converts defaults that are text"
             found[name] = action
     assert {"demo", "simulate", "identify", "diagnose", "calibrate", "response", "paper", "bag"} <= set(found)

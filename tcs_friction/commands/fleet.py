@@ -19,6 +19,7 @@ from tcs_friction.commands.parser import positive
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.diagnose.parallel import cores
 from tcs_friction.errors import InputError, JobError, printable
+from tcs_friction.writable import output_place
 
 if TYPE_CHECKING:
     from tcs_friction.fleet.engine import Summary
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     parser.add_argument("paths", nargs="+", metavar="PATH", help="where recordings are")
     parser.add_argument("--axes", required=True, type=Path, metavar="AXES.yaml", help="the axes that there are")
-    parser.add_argument("-o", "--output", required=True, metavar="OUT", help="folder or URL of the results")
+    parser.add_argument("-o", "--output", type=output_place, required=True, metavar="OUT", help="folder or URL of the results")
     parser.add_argument("--workers", type=positive, metavar="N", help="processes on this machine (default: its cores)")
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="a Dask scheduler that is there already, in their place")
     parser.add_argument("--retry", action="store_true", help="do again what failed before")

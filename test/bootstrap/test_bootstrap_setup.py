@@ -254,7 +254,7 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
     ("words", "groups"),
     [
         (["bench", "identify"], "bench"),
-        (["bench"], "bench live"),
+        (["bench"], "bench live fleet"),
         (["node", "dynamometer", "--ros-args"], "hardware"),
         (["node", "canopen_drive"], "canopen"),
         (["bench", "canopen", "--serve", "29536"], "canopen"),

@@ -250,7 +250,8 @@ def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: 
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
         item = fit.axis.effects[-1]
         assert proof._echoes(item, proof._size(item)) == echo, amplitude
-        assert not proof._echoes(fit.axis.effects[0], 1.0)
+        first = fit.axis.effects[0]
+        assert not proof._echoes(first, proof._size(first))
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,19 @@ def test_a_wave_has_the_order_of_its_largest_harmonic() -> None:
     assert with_leading_orders(balance, fit, believed).axis == fit.axis, "what is believed stays as it is"
 
 
+def test_what_a_wave_had_at_other_orders_are_waves_of_their_own() -> None:
+    def waves(m: Motion) -> np.ndarray:
+        return 0.6 * np.cos(24.0 * m.q + 0.4) + 3.0 * np.cos(72.0 * m.q + 2.0) + 0.8 * np.cos(96.0 * m.q + 1.0)
+
+    balance, plain = settled(conditioned(np.random.default_rng(4), waves))
+    numbers = {"order": 24.0, "amplitude": 0.6, "phase": 0.4, "amplitude_3": 3.0, "phase_3": 2.0}
+    numbers |= {"amplitude_4": 0.8, "phase_4": 1.0}
+    fit = settle(balance, axis().with_effect(instance(effect("cogging"), numbers)), plain.noise, rounds=1)
+    found = with_leading_orders(balance, fit, axis()).axis.effects
+    sizes = {round(item.order): item.values["amplitude"] for item in found}
+    assert sizes == {24: pytest.approx(0.6, rel=0.1), 72: pytest.approx(3.0, rel=0.05), 96: pytest.approx(0.8, rel=0.1)}
+
+
 def test_a_wave_whose_first_harmonic_leads_stays() -> None:
     def waves(m: Motion) -> np.ndarray:
         return 3.0 * np.cos(20.0 * m.q + 0.4) + 2.0 * np.cos(40.0 * m.q + 2.0)

@@ -17,7 +17,7 @@ SAME_WORD = {"exogenous"}  # also the recorded signals' block in an axis file, a
 PAPER = "report/paper/"  # its measurements and its plant, described as they are
 # A file, what it names and why it may.
 ALLOWED = {
-    ("report/diagnosis.py", "learned_map"): "the name of a picture's file",
+    ("report/diagnosis_plots.py", "learned_map"): "the name of a picture's file",
     ("control/loop.py", "stribeck"): "a kind of compensation",
     ("identify/first_axis.py", "imbalance"): "the gravity that a first axis file is given",
 }

@@ -53,27 +53,37 @@ def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
 def with_leading_orders(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
     """The fit in which every wave has the order of its largest harmonic, unless its first one is at least half as large.
 
-    What the wave had at other orders is left out; a further round of the search finds it where it counts. `base`: the axis whose
+    What such a wave had at other orders are waves of their own, for as long as they earn their place. `base`: the axis whose
     effects stay as they are.
     """
     for item in added_effects(fit.axis, base):
         if item.term.periodic and not leads(item):
-            axis = fit.axis.without_effect(item).with_effect(_of_largest_harmonic(item))
+            axis = fit.axis.without_effect(item)
+            for wave in _led_by_largest(item):
+                axis = axis.with_effect(wave)
             return with_leading_orders(balance, settle(balance, axis, fit.noise, rounds=1), base)
     return fit
 
 
-def _of_largest_harmonic(item: Instance) -> Instance:
-    """The wave whose order is that of the largest harmonic, with the harmonics at multiples of that."""
+def _led_by_largest(item: Instance) -> list[Instance]:
+    """A wave of the order of the largest harmonic, with the harmonics at its multiples, and one for each other harmonic."""
     waves = item.term.harmonics
-    largest = max(range(len(waves)), key=lambda j: item.values[waves[j].amplitude.name]) + 1
-    values = {item.term.order.name: largest * item.order}
+    size = {j: item.values[wave.amplitude.name] for j, wave in enumerate(waves, 1)}
+    largest = max(size, key=lambda j: size[j])
+    others = [j for j, amplitude in size.items() if amplitude != 0.0 and j % largest]
+    return [_multiple(item, largest, item), *(_multiple(item, j, item.again(), alone=True) for j in others)]
+
+
+def _multiple(item: Instance, multiple: int, as_wave: Instance, alone: bool = False) -> Instance:
+    """The wave of this multiple of a wave's order, with the harmonics at its own multiples or alone."""
+    waves = item.term.harmonics
+    values = {item.term.order.name: multiple * item.order}
     for j, (amplitude, phase) in enumerate(waves, 1):
-        old = waves[j * largest - 1] if j * largest <= len(waves) else None
+        old = waves[j * multiple - 1] if j * multiple <= len(waves) and (j == 1 or not alone) else None
         values[amplitude.name] = item.values[old.amplitude.name] if old is not None else 0.0
         if phase is not None:
             values[phase.name] = item.values[old.phase.name] if old is not None and old.phase is not None else 0.0
-    return item.replace(**values)
+    return as_wave.replace(**values)
 
 
 def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
