@@ -25,7 +25,7 @@ class Look:
     """What was seen.
 
     axes: names of those that fit. starts: of each, ns since 1970, 0 if unknown. samples: of its position's topic. reason: why it
-    cannot be worked on, "" if it can.
+    cannot be worked on, "" if it can. table: it holds one axis and does not say which.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Look:
     axes: tuple[str, ...] = ()
     starts: tuple[int, ...] = ()
     samples: tuple[int, ...] = ()
+    table: bool = False
     reason: str = ""
 
 
@@ -55,7 +56,8 @@ def _table(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:
     fitting = tuple(axis.name for axis in axes if axis.fits(found.name, (), recording.start))
     reason = "" if fitting else "no axis fits its path and time"
     count = len(fitting)
-    return replace(look, axes=fitting, starts=(recording.start,) * count, samples=(len(recording),) * count, reason=reason)
+    starts, samples = (recording.start,) * count, (len(recording),) * count
+    return replace(look, axes=fitting, starts=starts, samples=samples, table=True, reason=reason)
 
 
 def _bag(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:

@@ -99,7 +99,8 @@ def check(looks: Iterable[Look], plan: Plan) -> None:
     for look in looks:
         count += 1
         met.update(look.axes)
-        rivals = next((two for two in itertools.combinations(look.axes, 2) if claims[two[0]] == claims[two[1]]), ())
+        pairs = itertools.combinations(look.axes, 2)
+        rivals = next((two for two in pairs if look.table or claims[two[0]] == claims[two[1]]), ())
         if rivals:
             found = f"axes {' and '.join(rivals)} both match"
             raise InputError(look.name, found, f"one: topic, joint, path, from or to in {plan.where} tell them apart")

@@ -7,7 +7,7 @@ import pytest
 from concealed_torque_cases import Motion, axis, conditioned, settled
 
 from tcs_friction.diagnose.fit.joint_fit import settle
-from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_leading_orders
+from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 
@@ -54,41 +54,3 @@ def test_added_effects_are_told_by_identity_and_not_by_values() -> None:
     improved = axis().with_effect(bias.replace(bias=2.0)).with_effect(twin)
     assert added_effects(improved, base) == (twin,)
     assert added_effects(base, improved) == ()
-
-
-def test_a_wave_has_the_order_of_its_largest_harmonic() -> None:
-    def waves(m: Motion) -> np.ndarray:
-        return 3.0 * np.cos(20.0 * m.q + 0.4) + 0.8 * np.cos(40.0 * m.q + 2.0)
-
-    balance, plain = settled(conditioned(np.random.default_rng(4), waves))
-    lower = {"order": 10.0, "amplitude": 0.1, "phase": 0.0, "amplitude_2": 3.0, "phase_2": 0.4}
-    lower |= {"amplitude_4": 0.8, "phase_4": 2.0}
-    believed = axis().with_effect(instance(effect("cogging"), lower))
-    fit = settle(balance, believed, plain.noise, rounds=1)
-    (one,) = with_leading_orders(balance, fit, axis()).axis.effects
-    names = ("order", "amplitude", "phase", "amplitude_2", "phase_2")
-    assert [one.values[name] for name in names] == pytest.approx([20.0, 3.0, 0.4, 0.8, 2.0], rel=0.06)
-    assert with_leading_orders(balance, fit, believed).axis == fit.axis, "what is believed stays as it is"
-
-
-def test_what_a_wave_had_at_other_orders_are_waves_of_their_own() -> None:
-    def waves(m: Motion) -> np.ndarray:
-        return 0.6 * np.cos(24.0 * m.q + 0.4) + 3.0 * np.cos(72.0 * m.q + 2.0) + 0.8 * np.cos(96.0 * m.q + 1.0)
-
-    balance, plain = settled(conditioned(np.random.default_rng(4), waves))
-    numbers = {"order": 24.0, "amplitude": 0.6, "phase": 0.4, "amplitude_3": 3.0, "phase_3": 2.0}
-    numbers |= {"amplitude_4": 0.8, "phase_4": 1.0}
-    fit = settle(balance, axis().with_effect(instance(effect("cogging"), numbers)), plain.noise, rounds=1)
-    found = with_leading_orders(balance, fit, axis()).axis.effects
-    sizes = {round(item.order): item.values["amplitude"] for item in found}
-    assert sizes == {24: pytest.approx(0.6, rel=0.1), 72: pytest.approx(3.0, rel=0.05), 96: pytest.approx(0.8, rel=0.1)}
-
-
-def test_a_wave_whose_first_harmonic_leads_stays() -> None:
-    def waves(m: Motion) -> np.ndarray:
-        return 3.0 * np.cos(20.0 * m.q + 0.4) + 2.0 * np.cos(40.0 * m.q + 2.0)
-
-    balance, plain = settled(conditioned(np.random.default_rng(4), waves))
-    numbers = {"order": 20.0, "amplitude": 3.0, "phase": 0.4, "amplitude_2": 2.0, "phase_2": 2.0}
-    fit = settle(balance, axis().with_effect(instance(effect("cogging"), numbers)), plain.noise, rounds=1)
-    assert with_leading_orders(balance, fit, axis()) is fit

@@ -15,7 +15,7 @@ from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.start import Kind, Start
-from tcs_friction.diagnose.search.waves import leads
+from tcs_friction.diagnose.search.waves import _leads
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import instance
 
@@ -70,8 +70,8 @@ def test_the_time_of_a_step_is_found_by_a_pattern_search() -> None:
 def test_harmonics_belong_to_a_first_one() -> None:
     cogging = effect("cogging")
     plain = {"order": 18.0, "amplitude": 1.0, "phase": 0.0}
-    assert leads(instance(cogging, plain | {"amplitude_2": 1.5}))
-    assert not leads(instance(cogging, plain | {"amplitude_4": 4.0}))
+    assert _leads(instance(cogging, plain | {"amplitude_2": 1.5}))
+    assert not _leads(instance(cogging, plain | {"amplitude_4": 4.0}))
 
 
 def test_a_wave_that_is_there_is_not_proposed_again() -> None:

@@ -82,6 +82,12 @@ def test_two_axes_of_one_recording_and_an_axis_of_none_are_named(tmp_path: Path)
         check([Look("x", "", "", "", ("a",))], plan)
 
 
+def test_a_table_that_two_axes_fit_is_of_one_of_them(tmp_path: Path) -> None:
+    plan = Plan(read_axes(write_axes(tmp_path, ["a", "b"])), "AXES.yaml")
+    with pytest.raises(InputError, match=r"x: axes a and b both match"):
+        check([Look("x", "", "", "", ("a", "b"), table=True)], plan)
+
+
 def test_a_bag_of_a_whole_mount_is_a_recording_of_each_axis(tmp_path: Path) -> None:
     plan = Plan(read_axes(write_axes(tmp_path, ["a", "b"])), "AXES.yaml", samples=1000)
     found = Found("x", "file", (StoredFile("/x", 1, ""),))

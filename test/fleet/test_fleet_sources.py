@@ -65,7 +65,7 @@ def test_a_recording_belongs_to_the_axis_whose_joint_it_has(tmp_path: Path) -> N
     write_bag(tmp_path / "bags/one", "b")
     (found,) = find([str(tmp_path / "bags")])
     look = look_at(found, axes, "key")
-    assert (look.axes, look.start, look.samples, look.reason) == (("b",), START, 2000, "")
+    assert (look.axes, look.starts, look.samples, look.reason) == (("b",), (START,), (2000,), "")
 
 
 def test_what_belongs_to_no_axis_or_is_no_bag_says_why(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_a_table_is_worked_on_too(suffix: str, tmp_path: Path) -> None:
     (axis,) = read_axes(write_axes(tmp_path, ["a"]))
     (found,) = find([str(tmp_path / "bags")])
     look = look_at(found, [axis], "key")
-    assert (look.axes, look.samples) == (("a",), 2000)
+    assert (look.axes, look.samples) == (("a",), (2000,))
     row = work(Task(found, axis, look.input_hash, "v", diagnosed=False)).row
     assert (row.status, row.month, row.start) == (DONE, "2026-03", START)
 

@@ -55,7 +55,7 @@ def test_rows_of_streamed_and_copied_recordings_equal_those_of_local_ones(bucket
     assert [one.name for one in found] == ["s3://fleet/bags/cut", "s3://fleet/bags/whole"]
     for far, near in zip(found, find([str(tmp_path / "bags")]), strict=True):
         look, other = look_at(far, [axis], "key"), look_at(near, [axis], "key")
-        assert (look.axes, look.start, look.samples, look.reason) == (other.axes, other.start, other.samples, "")
+        assert (look.axes, look.starts, look.samples, look.reason) == (other.axes, other.starts, other.samples, "")
         assert look.input_hash == look_at(far, [axis], "key").input_hash
         rows = [work(Task(one, axis, "h", "v", diagnosed=False)).row for one in (far, near)]
         assert rows[0].status == DONE

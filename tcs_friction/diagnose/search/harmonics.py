@@ -1,7 +1,7 @@
 """Effects that belong together: a small wave at a multiple of another one's order, a constant torque beside a spring.
 
-In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic, in which a wave's first
-harmonic is no small part of it, and in which one term does what two did: an offset beside a spring is where the spring rests.
+In: a fit. Out: a fit in which no wave is there twice, once as an effect and once as another's harmonic, and in which one term
+does what two did: an offset beside a spring is the place in which it rests.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
-from tcs_friction.diagnose.search.waves import leads
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 
@@ -48,42 +47,6 @@ def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
         if not apart or lost < DISTINGUISHABLE * misfit(balance, residual):
             return with_harmonics_joined(balance, trial, base)
     return fit
-
-
-def with_leading_orders(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
-    """The fit in which every wave has the order of its largest harmonic, unless its first one is at least half as large.
-
-    What such a wave had at other orders are waves of their own, for as long as they earn their place. `base`: the axis whose
-    effects stay as they are.
-    """
-    for item in added_effects(fit.axis, base):
-        if item.term.periodic and not leads(item):
-            axis = fit.axis.without_effect(item)
-            for wave in _led_by_largest(item):
-                axis = axis.with_effect(wave)
-            return with_leading_orders(balance, settle(balance, axis, fit.noise, rounds=1), base)
-    return fit
-
-
-def _led_by_largest(item: Instance) -> list[Instance]:
-    """A wave of the order of the largest harmonic, with the harmonics at its multiples, and one for each other harmonic."""
-    waves = item.term.harmonics
-    size = {j: item.values[wave.amplitude.name] for j, wave in enumerate(waves, 1)}
-    largest = max(size, key=lambda j: size[j])
-    others = [j for j, amplitude in size.items() if amplitude != 0.0 and j % largest]
-    return [_multiple(item, largest, item), *(_multiple(item, j, item.again(), alone=True) for j in others)]
-
-
-def _multiple(item: Instance, multiple: int, as_wave: Instance, alone: bool = False) -> Instance:
-    """The wave of this multiple of a wave's order, with the harmonics at its own multiples or alone."""
-    waves = item.term.harmonics
-    values = {item.term.order.name: multiple * item.order}
-    for j, (amplitude, phase) in enumerate(waves, 1):
-        old = waves[j * multiple - 1] if j * multiple <= len(waves) and (j == 1 or not alone) else None
-        values[amplitude.name] = item.values[old.amplitude.name] if old is not None else 0.0
-        if phase is not None:
-            values[phase.name] = item.values[old.phase.name] if old is not None and old.phase is not None else 0.0
-    return as_wave.replace(**values)
 
 
 def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:

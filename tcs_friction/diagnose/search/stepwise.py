@@ -22,12 +22,7 @@ from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candidate, fitted_candidates
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
-from tcs_friction.diagnose.search.harmonics import (
-    added_effects,
-    with_harmonics_joined,
-    with_leading_orders,
-    with_offsets_joined,
-)
+from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
 from tcs_friction.diagnose.search.laws import law_candidates, other_laws, simplest_law
 from tcs_friction.diagnose.search.plausibility import doubt
@@ -109,8 +104,7 @@ def select_effects(
         new = {item.identity for item in best.items} if len(best.items) == 1 else set()
         earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
         fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
-        fit = with_leading_orders(balance, _placed_again(balance, fit, earlier), retuned.axis)
-        fit = with_harmonics_joined(balance, fit, retuned.axis)
+        fit = with_harmonics_joined(balance, _placed_again(balance, fit, earlier), retuned.axis)
         fit = with_offsets_joined(balance, fit, retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)

@@ -24,7 +24,7 @@ from tcs_friction.diagnose.search.start import (
 from tcs_friction.physics.terms import Instance, Role, Survey, Term
 
 FUNDAMENTAL_GAIN = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
-LEADING = 0.5  # of the largest harmonic of a wave, that the first one must have
+FUNDAMENTAL_SIZE = 0.5  # of the largest harmonic, that the first one must have
 PEAKS = 3  # of a spectrum that are tried exactly
 PEAK_SPACING = 3  # grid points between two of them: less is one peak
 
@@ -46,7 +46,7 @@ def periodic_starts(projected: ProjectedResidual, term: Term, view: Survey) -> l
             if start is None:
                 continue
             start = replace(start, noise_excess=float(excess[index]))
-            if own is None or (start.gain > (1.0 + FUNDAMENTAL_GAIN) * own.gain and leads(start.instance)):
+            if own is None or (start.gain > (1.0 + FUNDAMENTAL_GAIN) * own.gain and _leads(start.instance)):
                 found.append(start)
             own = own or start
     return sorted(found, key=lambda start: GAIN_PER_NUMBER * start.count - start.promise)[:STARTS]
@@ -77,10 +77,10 @@ def wave_start(
     return None if start is None else _without_idle_harmonics(projected, start, columns)
 
 
-def leads(item: Instance) -> bool:
-    """Whether the first amplitude of a wave is large enough beside its largest for its harmonics to be harmonics."""
+def _leads(item: Instance) -> bool:
+    """Whether the first amplitude of an effect is large enough beside its largest for its harmonics to be harmonics."""
     sizes = [item.values[harmonic.amplitude.name] for harmonic in item.term.harmonics]
-    return sizes[0] >= LEADING * max(sizes)
+    return sizes[0] >= FUNDAMENTAL_SIZE * max(sizes)
 
 
 def _without_idle_harmonics(projected: ProjectedResidual, start: Start, columns: np.ndarray) -> Start:
