@@ -151,7 +151,7 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     assert said.count("[azimuth.identifier]: identifier/identify: coulomb") == 1
     deadline = time.monotonic() + 20.0
     while "[azimuth.plant]: waiting: run_until" not in said and time.monotonic() < deadline:
-        time.sleep(0.1)
+        graph.for_seconds(0.1)
         said += capfd.readouterr().err
     assert "[azimuth.plant]: waiting: run_until" in said
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
