@@ -176,7 +176,7 @@ class Hub:
             "mode": self._switches.mode,
             "model": Path(self._switches.model).name,
             "effects": [asdict(effect) for effect in self._switches.effects],
-            "job": {**asdict(self._job), "running": self._job.running},
+            "job": {**asdict(self._job), "progress": _number(self._job.progress), "running": self._job.running},
             "results": self.results.listed(),
             "control": control,
         }
@@ -198,7 +198,7 @@ class Hub:
 
     def _row(self, name: str, condition: Condition, now: float) -> dict[str, Any]:
         age = now - condition.at
-        oldest = [float(value) for key, value in condition.values.items() if key.startswith("age of ") and _is_age(value)]
+        ages = [_age(value) for key, value in condition.values.items() if key.startswith("age of ")]
         return {
             "name": name,
             "level": condition.level,
@@ -206,7 +206,7 @@ class Hub:
             "age": round(age, 0 if age > SILENT_AFTER else 1),
             "message": condition.message,
             "values": [condition.values.get(key, "") for key in SHOWN],
-            "inputs": max(oldest) if oldest else None,
+            "inputs": max((age for age in ages if age is not None), default=None),
             "all": dict(condition.values),
         }
 
@@ -220,12 +220,12 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]
     return {name: value for name, value in now.items() if name not in before or before[name] != value}
 
 
-def _is_age(words: str) -> bool:
+def _age(words: str) -> float | None:
+    """An age as a report says it; None for what is no number, such as "never came"."""
     try:
-        float(words)
+        return _number(float(words))
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _number(value: float) -> float | None:

@@ -60,6 +60,9 @@ class Site:
                 command, stdout=log, stderr=subprocess.STDOUT, cwd=self.folder, env=env, start_new_session=True
             )
 
+    def signal(self, name: str, number: int) -> None:
+        self._processes[name].send_signal(number)
+
     def kill(self, name: str) -> None:
         os.killpg(self._processes[name].pid, signal.SIGKILL)
         self._processes.pop(name).wait()
@@ -183,6 +186,10 @@ def test_a_measurement_from_start_to_report_and_a_graph_that_is_lost_and_comes_b
     site.start("graph", "graph")
     wait_for(page, "#state", "^Well$")
 
+    site.signal("live", signal.SIGSTOP)  # it hangs, and closes no connection
+    wait_for(page, "#state", "^Page lost$")
+    site.signal("live", signal.SIGCONT)
+    wait_for(page, "#state", "^Well$")
     site.kill("live")
     wait_for(page, "#state", "^Page lost$")
 

@@ -92,6 +92,19 @@ def test_a_page_is_sent_curves_and_status(serve: Callable[..., Any]) -> None:
             pass
 
 
+def test_numbers_that_are_none_do_not_stop_what_is_sent(serve: Callable[..., Any]) -> None:
+    """JSON has no word for them, and anybody may publish reports."""
+    server = serve()
+    ages = {"age of a [s]": "nan", "age of b [s]": "inf", "age of c [s]": "never came"}
+    server.hub.report("dob", Condition(time.monotonic(), 0, "", ages))
+    server.hub.report("plant", Condition(time.monotonic(), 0, "", {**ages, "age of d [s]": "0.5"}))
+    server.hub.told(Job("identify", "searching", math.nan, None))
+    with server.socket() as page:
+        status = next_message(page, "status")
+        assert [node["inputs"] for node in status["nodes"]] == [None, 0.5]
+        assert status["job"]["progress"] is None
+
+
 def test_only_what_is_new_is_sent_and_all_of_it_for_another_window(serve: Callable[..., Any]) -> None:
     server = serve()
     feed(server.hub, 0, 10_000)

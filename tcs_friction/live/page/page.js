@@ -5,22 +5,39 @@ import * as panels from "/page/panels.js";
 
 const $ = (id) => document.getElementById(id);
 const AGAIN = 1000; // ms after which a lost connection is tried again
+const SILENT = 4000; // ms without a word after which a connection counts as lost, though nothing has closed it
 const store = new Store();
 const plots = new Plots(store, zoom, live);
 let socket = null;
 let hello = null;
 let status = {};
 let frames = 0;
+let heard = 0; // ms, when the server was heard last
 let chosen = new URLSearchParams(location.search).get("axis") ?? "";
 
 function connect() {
+  heard = performance.now();
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live/${encodeURIComponent(chosen)}`);
-  socket.onmessage = (event) => requestAnimationFrame(() => take(JSON.parse(event.data)));
-  socket.onclose = () => {
-    status = {};
-    panels.showHeadline({ level: "wrong", state: "Page lost", sentence: "The page's server does not answer. It is tried again every second." });
-    setTimeout(connect, AGAIN);
+  socket.onmessage = (event) => {
+    heard = performance.now();
+    requestAnimationFrame(() => take(JSON.parse(event.data)));
   };
+  socket.onclose = lost;
+}
+
+function lost() {
+  status = {};
+  panels.showHeadline({ level: "wrong", state: "Page lost", sentence: "The page's server does not answer. It is tried again every second." });
+  setTimeout(connect, AGAIN);
+}
+
+// A cable that is pulled and a server that hangs close nothing. A hidden page draws nothing, so it is sent nothing.
+function watch() {
+  if (document.hidden || performance.now() - heard < SILENT) return;
+  heard = Infinity;
+  socket.onmessage = socket.onclose = null;
+  socket.close();
+  lost();
 }
 
 function send(message) {
@@ -120,5 +137,7 @@ function confirmed(name) {
 
 for (const button of document.querySelectorAll("[data-order]")) button.addEventListener("click", () => order(button));
 $("live").addEventListener("click", live);
+document.addEventListener("visibilitychange", () => (heard = performance.now()));
+setInterval(watch, AGAIN);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => hello && plots.make(hello.units));
 connect();
