@@ -13,7 +13,7 @@ import contextlib
 import sys
 
 from tcs_friction.commands.inputs import MUJOCO, add_plant, check_plant
-from tcs_friction.commands.live import beside, check_packages
+from tcs_friction.commands.live import PORT, beside, check_packages, port_number
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.entry import announce_compiling, end_at_once, keep_logs, stay_local
 
@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--monitor", action="store_true", help="the node monitor as well, which tells when physics changes")
     parser.add_argument("--processes", action="store_true", help="one process for each node")
     parser.add_argument("--live", action="store_true", help="and its page, as `live` with the same axes shows it")
+    parser.add_argument("--port", type=port_number, help=f"with --live: of the page; 0: any that is free (default: {PORT})")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,6 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_plant(arguments)
     if arguments.cores and not arguments.realtime:
         raise InputError("--cores", f"{arguments.cores} without --realtime", "both or neither")
+    if arguments.port is not None and not arguments.live:
+        raise InputError("--port", f"{arguments.port} without --live", "both or neither")
     if arguments.live:
         check_packages()
     end_at_once()
@@ -66,5 +69,6 @@ def run(arguments: argparse.Namespace) -> int:
     place = "one process each" if arguments.processes else "one process"
     whose = f" of {', '.join(by_axis)}" if len(by_axis) > 1 else ""
     print(f"tcs-friction: {', '.join(names)}{whose} in {place}, until Ctrl-C", file=sys.stderr)
-    with beside(arguments.axis, arguments.ros_arguments) if arguments.live else contextlib.nullcontext():
+    port = PORT if arguments.port is None else arguments.port
+    with beside(arguments.axis, arguments.ros_arguments, port) if arguments.live else contextlib.nullcontext():
         return (graph.run_processes if arguments.processes else graph.run_together)(by_axis, names)

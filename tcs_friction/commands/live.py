@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     axis = "azimuth_1p2m.yaml"
     parser.add_argument("axis", nargs="*", default=[axis], metavar="AXIS.yaml", help=f"axis files (default: {axis})")
-    parser.add_argument("--port", type=_port, default=PORT, help="of the page; 0: any that is free (default: %(default)s)")
+    parser.add_argument("--port", type=port_number, default=PORT, help="of the page; 0: any that is free (default: %(default)s)")
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="address to serve (default: %(default)s)")
     parser.add_argument("--token-file", default="", metavar="FILE", help="file with the token; else the variable TCS_LIVE_TOKEN")
     parser.add_argument("--control", action="store_true", help="with --host: others may give orders, too")
@@ -65,7 +65,7 @@ def check_packages() -> None:
 
 
 @contextlib.contextmanager
-def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int = PORT) -> Iterator[None]:
+def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int) -> Iterator[None]:
     """The page of a graph that runs in the block, in a process of its own that is not real-time. It ends with the block."""
     from tcs_friction.nodes.graph import end_with_parent
     from tcs_friction.nodes.scheduling import ASKED
@@ -86,7 +86,8 @@ def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int = PORT) 
             process.wait()
 
 
-def _port(word: str) -> int:
+def port_number(word: str) -> int:
+    """A port of the command line."""
     if not (word.isdecimal() and int(word) < 1 << 16):
         raise argparse.ArgumentTypeError(f"{word!r} is no port (0 to 65535)")
     return int(word)

@@ -30,12 +30,18 @@ def test_a_page_for_others_needs_a_token(
     assert said.count("\n") == 1
 
 
+@pytest.mark.parametrize("command", ["live", "graph"])
 @pytest.mark.parametrize("port", ["-1", "65536", "http"])
-def test_a_port_that_is_none_is_refused(port: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_none_is_refused(command: str, port: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["live", f"--port={port}"])
+        main([command, f"--port={port}"])
     assert ended.value.code == 2
     assert "is no port" in capsys.readouterr().err
+
+
+def test_a_graph_without_a_page_takes_no_port(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", "--port", "8000"]) == 2
+    assert capsys.readouterr().err == "tcs-friction: --port: 8000 without --live, expected both or neither\n"
 
 
 @pytest.mark.parametrize("words", [["live"], ["graph", "--live"]])
