@@ -46,7 +46,7 @@ setup(
     ],
     package_data={
         "tcs_friction.live": ["page/*"],
-        "tcs_friction.report.assets": ["LICENSE", "README.md", "plots.js", "uPlot.*"],
+        "tcs_friction.report.assets": ["LICENSE", "README.md", "plots.js", "touch.js", "uPlot.*"],
     },
     python_requires=">=3.11",
     install_requires=["setuptools"],

@@ -25,7 +25,7 @@ from tcs_friction.live.access import COOKIE, Access, same_origin
 from tcs_friction.live.hub import Hub
 from tcs_friction.live.results import contents_of
 from tcs_friction.live.stream import PERIOD, Pages, converse
-from tcs_friction.report.assets import uplot_script, uplot_style
+from tcs_friction.report.assets import touch_script, uplot_script, uplot_style
 
 MOST_FORM = 1000  # bytes
 WRONG_TOKEN_COSTS = 1.0  # s
@@ -74,7 +74,8 @@ class _Answers:
         self._pages = Pages(hubs, rules.control)
         self._looking = asyncio.Lock()  # through one recording at a time
         self._files = {name: (_page_file(name), kind) for name, kind in OWN_FILES.items()}
-        self._files |= {"uPlot.js": (uplot_script(), SCRIPT), "uPlot.css": (uplot_style(), STYLE)}
+        self._files |= {"uPlot.js": (uplot_script(), SCRIPT), "touch.js": (touch_script(), SCRIPT)}
+        self._files |= {"uPlot.css": (uplot_style(), STYLE)}
         self._page, self._login = _page_file("index.html"), _page_file("login.html")
 
     async def page(self, request: Request) -> Response:

@@ -54,7 +54,7 @@ def plot_figure(plot: Plot, png: bytes) -> str:
     """The figure element of a plot, with its picture for paper."""
     image = base64.b64encode(png).decode("ascii")
     caption = html.escape(plot.caption)
-    hint = '<span class="hint"> Drag over a part to zoom, double-click to go back.</span>'
+    hint = '<span class="hint"> Drag over a part to zoom, double-click (tap twice) to go back.</span>'
     return (
         f'{MARK}<img class="still" alt="{caption}" src="data:image/png;base64,{image}"><div class="live"></div>'
         f'<script type="application/json">{_inert(plot_data(plot))}</script><figcaption>{caption}{hint}</figcaption></figure>'

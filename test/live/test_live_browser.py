@@ -220,11 +220,25 @@ def test_it_is_readable_on_a_phone_and_follows_the_readers_theme(site: Site, bro
     site.start("live", "live", "--port", "0")
     smallest = "Math.min(...[...document.querySelectorAll('button')].filter(b => b.offsetParent).map(b => b.offsetHeight))"
     for scheme, paper in (("light", "rgb(255, 255, 255)"), ("dark", "rgb(21, 24, 28)")):
-        context = browser.new_context(viewport={"width": 400, "height": 800}, color_scheme=scheme)
+        context = browser.new_context(viewport={"width": 400, "height": 800}, color_scheme=scheme, has_touch=True)
         page = context.new_page()
         page.goto(site.address())
         wait_for(page, "#state", "No graph")
         assert page.evaluate("document.documentElement.scrollWidth") <= 400
         assert page.evaluate("getComputedStyle(document.body).backgroundColor") == paper
         assert page.evaluate(smallest) >= 24
+        assert page.locator("#live").is_hidden()
+        draw_across(page, "#plot-error .u-over")
+        page.click("#live")
+        page.locator("#live").wait_for(state="hidden")
         context.close()
+
+
+def draw_across(page: Any, selector: str) -> None:
+    """A finger across the middle of an element, as the touch screen reports it."""
+    page.locator(selector).scroll_into_view_if_needed()
+    box, touch = page.locator(selector).bounding_box(), page.context.new_cdp_session(page)
+    places = [{"x": box["x"] + share * box["width"], "y": box["y"] + 0.5 * box["height"]} for share in (0.3, 0.4, 0.6, 0.7)]
+    for kind, place in (("touchStart", places[0]), *(("touchMove", place) for place in places[1:])):
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [place]})
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})

@@ -58,7 +58,7 @@ def test_the_page_and_all_that_it_loads_come_from_the_server_itself(serve: Calla
     assert "default-src 'none'" in headers["content-security-policy"]
     assert "unsafe" not in headers["content-security-policy"]
     assert headers["x-content-type-options"] == "nosniff"
-    for name in ("page.js", "plots.js", "panels.js", "page.css", "uPlot.js", "uPlot.css"):
+    for name in ("page.js", "plots.js", "panels.js", "page.css", "uPlot.js", "uPlot.css", "touch.js"):
         status, headers, text = server.ask(f"/page/{name}")
         assert status == 200, name
         assert "http://" not in text.replace("http://www.w3.org", ""), name

@@ -213,7 +213,7 @@ PROBE = """<script>addEventListener("load", () => {
 })</script></body>"""
 
 
-HAND = """<script>addEventListener("load", async () => {
+READ = """<script>addEventListener("load", async () => {
   const over = document.querySelector(".u-over"), box = over.getBoundingClientRect(), said = [];
   const middle = box.top + 0.5 * box.height;
   const at = (share) => ({ bubbles: true, clientX: box.left + share * box.width, clientY: middle, movementX: 1 });
@@ -225,16 +225,25 @@ HAND = """<script>addEventListener("load", async () => {
     await send("mousemove", 0.5);
     said.push([...document.querySelectorAll(".u-legend")].map((one) => one.querySelector(".u-value").textContent));
   };
+  HAND
   await send("mouseenter", 0.5);
   await read();
-  await send("mousedown", 0.6);
-  await send("mousemove", 0.8);
-  await send("mouseup", 0.8, document);
+  await drag();
   await read();
-  await send("dblclick", 0.5);
+  await back();
   await read();
   document.body.dataset.probe = JSON.stringify({ said });
 })</script></body>"""
+
+
+MOUSE = """
+  const drag = async () => { await send("mousedown", 0.6); await send("mousemove", 0.8); await send("mouseup", 0.8, document); };
+  const back = () => send("dblclick", 0.5);"""
+FINGER = """
+  const finger = { pointerType: "touch", isPrimary: true };
+  const touch = (kind, share) => over.dispatchEvent(new PointerEvent(kind, { ...at(share), ...finger }));
+  const drag = async () => { touch("pointerdown", 0.6); touch("pointermove", 0.8); touch("pointerup", 0.8); };
+  const back = async () => { for (const kind of ["pointerdown", "pointerup", "pointerdown", "pointerup"]) touch(kind, 0.5); };"""
 
 
 def probed(dom: str) -> dict[str, Any]:
@@ -257,8 +266,10 @@ def test_a_browser_draws_the_plots_and_takes_names_as_text(browser: str, tmp_pat
     assert HOSTILE in found["labels"]
 
 
-def test_a_drag_zooms_all_panels_of_a_plot_and_a_double_click_goes_back(browser: str, tmp_path: Path) -> None:
-    whole, zoomed, back = probed(seen(browser, tmp_path, page_of(long_plot()).replace("</body>", HAND)))["said"]
+@pytest.mark.parametrize("hand", [MOUSE, FINGER], ids=["mouse", "finger"])
+def test_a_drag_zooms_all_panels_of_a_plot_and_a_double_click_goes_back(browser: str, tmp_path: Path, hand: str) -> None:
+    document = page_of(long_plot()).replace("</body>", READ.replace("HAND", hand))
+    whole, zoomed, back = probed(seen(browser, tmp_path, document))["said"]
     assert all(text.endswith(" s") for text in whole + zoomed)
     seconds = [[float(text.removesuffix(" s")) for text in row] for row in (whole, zoomed, back)]
     np.testing.assert_allclose(seconds, [[150.0] * 2, [210.0] * 2, [150.0] * 2], atol=1.5)

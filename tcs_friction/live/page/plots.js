@@ -127,6 +127,7 @@ export class Plots {
       axes: [this.axis("time of the run [s]"), this.values(this.axis(null))],
       series: [{ label: "time", value: shown("s") }, ...series],
       hooks: { setSelect: [(u) => this.selected(u)] },
+      plugins: [byFinger],
     }, [[], ...curves.map(() => [])]);
     return { plot, names: curves.map(([curve]) => curve) };
   }

@@ -28,9 +28,14 @@ def uplot_style() -> str:
     return f"{_licence()}{_file('uPlot.min.css')}"
 
 
+def touch_script() -> str:
+    """What lets a finger zoom: it defines the global `byFinger`, a plugin of uPlot."""
+    return _file("touch.js")
+
+
 def plots_script() -> str:
     """What makes figures of the plots of a report; it needs the library before it."""
-    return _file("plots.js")
+    return f"{touch_script()}{_file('plots.js')}"
 
 
 def _licence() -> str:

@@ -195,6 +195,7 @@
         bind: { dblclick: () => () => group.forEach(([plot, shown]) => reset(plot, shown)) },
         ...(key ? { sync: { key, scales: ["x", null] } } : {}),
       },
+      plugins: [byFinger],
       hooks: { drawClear: [drawSpans(panel)], drawAxes: [drawBands(panel), drawRules(panel), drawBars(panel)] },
     };
   }
