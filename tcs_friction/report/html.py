@@ -49,7 +49,9 @@ border-radius:8px;padding:.4rem}
 figcaption{font-size:.9rem;color:var(--soft);margin-top:.3rem;max-width:52rem}
 @media screen and (prefers-color-scheme:dark){figure img{filter:invert(.9) hue-rotate(180deg)}}
 @media screen and (max-width:40rem){figure img{width:auto;min-width:30rem;max-width:none}}
-@media print{body{max-width:none;padding:0;font-size:11pt}h2{break-after:avoid}tr{break-inside:avoid}}
+@media screen and (max-width:40rem){.sentence{font-size:1.15rem}}
+@media print{body{max-width:none;padding:0;font-size:11pt}h2,caption{break-after:avoid}tr,.number{break-inside:avoid}
+.wide{overflow:visible}table{font-size:9pt}th,td{padding-right:.5rem}}
 """
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from tcs_friction.report.assets import plots_script, uplot_script
 from tcs_friction.report.figures import BELIEVED, IMPROVED, MEASURED, MUTED
-from tcs_friction.report.html import page, picture
+from tcs_friction.report.html import page, picture, table
 from tcs_friction.report.plot import Curve, Panel, Plot, Rule, Scale, Spacing, main_range, shown_limits
 from tcs_friction.report.plot_page import kept, plot_data, short
 from tcs_friction.report.plot_picture import drawn_plot
@@ -206,6 +206,7 @@ PROBE = """<script>addEventListener("load", () => {
   const plot = document.querySelector("canvas");
   const pixels = plot && plot.width ? plot.getContext("2d").getImageData(0, 0, plot.width, plot.height).data : [];
   document.body.dataset.probe = JSON.stringify({
+    cut: [...document.querySelectorAll(".wide")].map((one) => getComputedStyle(one).overflowX !== "visible"),
     live: shown(".live"), still: shown(".still"), ink: pixels.some((value, k) => k % 4 === 3 && value),
     canvases: document.querySelectorAll("canvas").length, title: document.title,
     labels: [...document.querySelectorAll(".u-label")].map((one) => one.textContent),
@@ -284,11 +285,12 @@ def test_a_printed_page_holds_the_picture(browser: str, tmp_path: Path) -> None:
 
 
 def test_paper_and_pages_without_scripts_get_the_picture(browser: str, tmp_path: Path) -> None:
-    document = page_of(scatter_plot())
+    document = page_of(scatter_plot()).replace("</body>", f"{table(['a'], [['b']])}</body>")
     printed = document.replace("@media print", "@media all").replace("@media screen", "@media not all")
     found = probed(seen(browser, tmp_path, printed.replace("</body>", PROBE)))
     assert found["still"]
     assert not found["live"]
+    assert found["cut"] == [False]  # a bar to scroll with is of no use on paper
     broken = document.replace(uplot_script(), "throw new Error('no library')")
     found = probed(seen(browser, tmp_path, broken.replace("</body>", PROBE)))
     assert found["still"]
