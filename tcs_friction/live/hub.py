@@ -102,8 +102,12 @@ class Hub:
     # The page's thread
 
     def order(self, name: str) -> None:
-        """One of ORDERS, for the node to carry out."""
+        """One of ORDERS, or with the name of an effect, for the node to carry out."""
         self._orders.append(name)
+
+    def can_cancel(self, name: str) -> bool:
+        """Whether the compensator's model has an effect of this name."""
+        return any(effect.name == name and effect.asked is not None for effect in self._switches.effects)
 
     def advance(self) -> None:
         """Take what the node has heard; to be called some 20 times a second."""

@@ -18,7 +18,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tcs_friction.live.hub import Cursor, Hub, changes
 from tcs_friction.live.traces import WINDOWS
-from tcs_friction.nodes.page_state import ORDERS
+from tcs_friction.nodes.page_state import CANCEL, LEAVE_OUT, ORDERS
 
 PERIOD = 0.05  # s between two frames
 STATUS_EVERY = 0.25  # s
@@ -72,11 +72,16 @@ class Page:
         elif name == "zoom" and _is_range(value):
             self.zoom = (float(value[0]), float(value[1]))
         elif name == "order" and value in ORDERS:
-            self.told = "" if control else "This page may only look: the server runs without --control."
-            if control:
-                hub.order(value)
+            self._order(value, hub, control)
+        elif name == "effect" and _is_switch(value) and hub.can_cancel(value[0]):
+            self._order(f"{CANCEL if value[1] else LEAVE_OUT}{value[0]}", hub, control)
         else:
             raise ValueError(f"not expected: {name}"[:80])
+
+    def _order(self, order: str, hub: Hub, control: bool) -> None:
+        self.told = "" if control else "This page may only look: the server runs without --control."
+        if control:
+            hub.order(order)
 
     def answer(self, hub: Hub, status: Mapping[str, Any]) -> dict[str, Any]:
         """What the page lacks now."""
@@ -132,6 +137,11 @@ def _is_range(value: Any) -> bool:
     if not (isinstance(value, list) and len(value) == 2 and all(type(number) in (int, float) for number in value)):
         return False
     return -1e10 < value[0] < value[1] < 1e10
+
+
+def _is_switch(value: Any) -> bool:
+    """A name, and on or off."""
+    return isinstance(value, list) and [type(entry) for entry in value] == [str, bool]
 
 
 def _json(content: Any) -> str:

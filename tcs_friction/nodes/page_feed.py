@@ -51,7 +51,7 @@ class PageFeed(PlainNode[PageConfig]):
         waiter = Waiter(self)
         remotes = Remotes(self, waiter)
         self._switches = SwitchWatch(self, remotes, self._file, sink.switched)
-        self._orders = Orders(self, waiter, sink)
+        self._orders = Orders(self, waiter, remotes, sink)
 
     def _subscribe(self) -> None:
         states = JointWire(self._file.axis.name)

@@ -1,4 +1,4 @@
-"""What the page's buttons do: services and actions of the other nodes, one order at a time, every end told."""
+"""What the page's buttons do: services, actions and parameters of the other nodes, one order at a time, every end told."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from tcs_friction_msgs.srv import SetMode
 
 from tcs_friction.errors import JobError, TcsError
 from tcs_friction.nodes.jobs import Waiter
-from tcs_friction.nodes.page_state import ABORT, JOBS, MODES, Job, Sink
+from tcs_friction.nodes.modes import MODELLED
+from tcs_friction.nodes.page_state import ABORT, CANCEL, JOBS, LEAVE_OUT, MODES, Job, Sink
+from tcs_friction.nodes.page_switches import COMPENSATOR
+from tcs_friction.nodes.remote import Remotes
 from tcs_friction.nodes.steady import steady_timer
 
 LOOK_EVERY = 0.05  # s
@@ -28,8 +31,8 @@ ACTIONS: dict[str, tuple[Any, str]] = {
 class Orders:
     """Takes orders from the sink and carries them out."""
 
-    def __init__(self, node: Node, waiter: Waiter, sink: Sink) -> None:
-        self._node, self._waiter, self._sink = node, waiter, sink
+    def __init__(self, node: Node, waiter: Waiter, remotes: Remotes, sink: Sink) -> None:
+        self._node, self._waiter, self._remotes, self._sink = node, waiter, remotes, sink
         self._job = Job()
         self._modes = node.create_client(SetMode, "set_mode")
         self._actions = {name: ActionClient(node, kind, path) for name, (kind, path) in ACTIONS.items()}
@@ -59,8 +62,10 @@ class Orders:
         try:
             if order in MODES:
                 self._end(order, *await self._set_mode(order))
-            else:
+            elif order in ACTIONS:
                 await self._act(order)
+            else:
+                self._end(order, True, await self._switch_effect(order))
         except TcsError as error:
             self._end(order, False, str(error))
         except Exception as error:  # one that reaches the executor would end it
@@ -72,6 +77,22 @@ class Orders:
     async def _set_mode(self, order: str) -> tuple[bool, str]:
         answer = await self._waiter.call(self._modes, SetMode.Request(mode=MODES.index(order)), ANSWER_LIMIT)
         return answer.success, answer.message or f"mode {order.upper()} is set"
+
+    async def _switch_effect(self, order: str) -> str:
+        """Cancel an effect of the model or leave it out, in every node that has this model. Raises JobError, nothing changed."""
+        found = {node: await self._remotes.get(node, ("model", "left_out"), ANSWER_LIMIT) for node in MODELLED}
+        model = found[COMPENSATOR]["model"]
+        cancel = order.startswith(CANCEL)
+        name = order.removeprefix(CANCEL if cancel else LEAVE_OUT)
+        wanted = []
+        for node, values in found.items():
+            others = [other for other in values["left_out"] or () if other != name]
+            if model and values["model"] == model:
+                wanted.append((node, {"left_out": others if cancel else [*others, name]}))
+        if not wanted:
+            raise JobError(COMPENSATOR, "has no model", f"one that has {name}")
+        await self._remotes.set_all_or_none(wanted, ANSWER_LIMIT)
+        return f"in {', '.join(node for node, _ in wanted)}"
 
     async def _act(self, order: str) -> None:
         """An action from goal to result. Raises JobError when its node does not take or finish it."""

@@ -31,6 +31,8 @@ MODE_OF: dict[tuple[bool | None, ...], str] = {
 """The mode of three switches."""
 ABORT = "abort"
 ORDERS = (*MODES, *JOBS, ABORT)
+CANCEL, LEAVE_OUT = "cancel ", "leave out "
+"""How further orders begin: then comes the name of an effect of the model."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +47,14 @@ class Condition:
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of the axis file or of the model, and what is done about it."""
+    """An effect of the axis file or of the model, and what is done about it.
+
+    asked: whether it is to be cancelled, None where the compensator's model does not have it.
+    """
 
     name: str
     state: str
+    asked: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -102,4 +108,4 @@ class Sink(Protocol):
         """How far an order is."""
 
     def next_order(self) -> str:
-        """The next of ORDERS that somebody gave, "" for none."""
+        """The next order that somebody gave, "" for none."""

@@ -76,4 +76,5 @@ def effects_of(axis: Axis, model: Axis | None, left_out: Sequence[str], compensa
     states |= {name: "left out" for name in cancelled if name in left_out}
     for item in axis.effects:
         states.setdefault(item.term.id, "not cancelled")
-    return tuple(Effect(name, state) for name, state in states.items())
+    asked = {name: name not in left_out for name in cancelled}
+    return tuple(Effect(name, state, asked.get(name)) for name, state in states.items())

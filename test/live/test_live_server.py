@@ -150,7 +150,7 @@ def ended(page: Any) -> bool:
     "message",
     ["", "no json", "[]", "{}", "1", '{"order":"rm"}', '{"order":["measure"]}', '{"window":1e9}', '{"window":[5]}',
      '{"zoom":[2,1]}', '{"zoom":[0,1e999]}', '{"zoom":["a","b"]}', '{"zoom":[true,false]}', '{"drawn":1,"window":5}',
-     '{"x":1}', "[" * 3000],
+     '{"x":1}', '{"effect":["cogging",true]}', '{"effect":["cogging",1]}', '{"effect":"cogging"}', "[" * 3000],
 )  # fmt: skip
 def test_a_message_that_no_page_sends_ends_the_talk_and_nothing_else(serve: Callable[..., Any], message: str) -> None:
     server = serve()
@@ -178,6 +178,20 @@ def test_orders_reach_the_node_and_are_refused_to_who_may_only_look(serve: Calla
             else:
                 assert "may only look" in next_message(page, "told")
             assert server.hub.next_order() == ("measure" if control else "")
+
+
+def test_an_effect_is_switched_only_where_the_model_has_it(serve: Callable[..., Any]) -> None:
+    for control, word, order in ((True, "false", "leave out cogging"), (True, "true", "cancel cogging"), (False, "false", "")):
+        server = serve(control=control)
+        server.hub.switched(Switches((True,) * 3, "", (Effect("cogging", "cancelled", True), Effect("drag", "not cancelled"))))
+        with server.socket() as page:
+            page.send(f'{{"effect":["cogging",{word}]}}')
+            for _ in range(3):
+                next_message(page, "frame")
+            assert server.hub.next_order() == order
+            page.send(f'{{"effect":["drag",{word}]}}')
+            assert ended(page)
+        assert server.hub.next_order() == ""
 
 
 @pytest.mark.parametrize("origin", [None, "null", "http://evil.example", "http://127.0.0.1:1", "https://localhost"])

@@ -16,7 +16,8 @@ from benchmarks.listening import wait_until
 from tcs_friction.commands.live import beside
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.nodes.graph import GRAPH, LOOP
-from tcs_friction.nodes.page_state import TOPICS, Condition, Job, Switches
+from tcs_friction.nodes.modes import MODELLED
+from tcs_friction.nodes.page_state import CANCEL, LEAVE_OUT, TOPICS, Condition, Job, Switches
 from tcs_friction.nodes.page_switches import effects_of
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
@@ -131,6 +132,13 @@ def test_orders_are_carried_out_and_their_ends_told(together: Callable[..., Any]
     assert sink.jobs[-1].stage == "no job was running"
 
 
+def test_without_a_model_no_effect_is_switched(together: Callable[..., Any]) -> None:
+    graph, sink, _ = with_page(together)
+    sink.orders.append(f"{LEAVE_OUT}cogging")
+    assert graph.until(lambda: bool(sink.jobs) and sink.jobs[-1].success is False)
+    assert "has no model, expected one that has cogging" in sink.jobs[-1].stage
+
+
 def test_an_order_that_nobody_answers_ends(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     from tcs_friction.nodes import page_orders
 
@@ -145,9 +153,21 @@ def test_an_order_that_nobody_answers_ends(together: Callable[..., Any], monkeyp
     assert "nothing there" in sink.jobs[-1].stage
 
 
-def test_the_policy_allows_the_page_what_it_does_and_nothing_else(together: Callable[..., Any]) -> None:
-    graph, sink, _ = with_page(together, nodes=GRAPH)
+def test_an_effect_of_the_model_is_left_out_and_cancelled_again_as_the_policy_allows(together: Callable[..., Any]) -> None:
+    graph, sink, _ = with_page(together, "-p", "model:=azimuth_1p2m.yaml", nodes=GRAPH)
     assert graph.until(lambda: bool(sink.switches) and sink.switches[-1].mode == "plain")
+
+    def asked() -> dict[str, bool | None]:
+        return {effect.name: effect.asked for effect in sink.switches[-1].effects}
+
+    assert asked() == {"coulomb_asymmetry": True, "cogging": True}
+    for order, left_out in ((f"{LEAVE_OUT}cogging", ["cogging"]), (f"{CANCEL}cogging", [""])):
+        sink.orders.append(order)
+        assert graph.until(lambda order=order: bool(sink.jobs) and sink.jobs[-1].name == order and not sink.jobs[-1].running)
+        assert sink.jobs[-1].success, sink.jobs[-1]
+        for node in MODELLED:
+            assert list(graph.nodes[node].get_parameter("left_out").value or [""]) == left_out, node
+        assert graph.until(lambda left_out=left_out: asked() == {"coulomb_asymmetry": True, "cogging": left_out == [""]})
     does, allowed = of_node(graph.driver, "live"), policy()["live"]
     for rule, names in does.items():
         assert names - EVERYWHERE.get(rule, set()) == allowed[rule] - EVERYWHERE.get(rule, set()), rule

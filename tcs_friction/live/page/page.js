@@ -105,7 +105,7 @@ function showStatus(changed) {
   if (changed.headline) panels.showHeadline(status.headline);
   if (changed.numbers) panels.showNumbers(status.numbers);
   if (changed.nodes) panels.showNodes(status.nodes, hello.columns);
-  if (changed.switches || changed.effects || changed.model !== undefined) panels.showSwitches(status.switches, status.model, status.effects);
+  if (["switches", "effects", "model", "control", "job"].some((name) => name in changed)) panels.showSwitches(status, (name, on) => give({ effect: [name, on] }));
   if (changed.job || changed.control !== undefined || changed.mode !== undefined) panels.showJob(status.job, status.control, status.mode);
   if (changed.results) panels.showResults(status.results, hello.axis);
 }
@@ -124,8 +124,12 @@ function live() {
 async function order(button) {
   const name = button.dataset.order;
   if (name === "commission" && !(await confirmed(button.textContent))) return;
+  give({ order: name });
+}
+
+function give(order) {
   panels.tell("");
-  send({ order: name });
+  send(order);
 }
 
 function confirmed(name) {

@@ -48,12 +48,22 @@ export function showHeadline({ level, state, sentence }) {
   $("sentence").textContent = sentence;
 }
 
-export function showSwitches(positions, model, effects) {
+// An effect that the compensator's model has is a switch of its own; set: what a click on it does.
+export function showSwitches({ switches, model, effects, control, job }, set) {
   $("switches").replaceChildren(...SWITCHES.map((name, i) => {
-    const is = positions[i];
+    const is = switches[i];
     return element("span", `${name}: ${is === null ? "not known" : is ? "on" : "off"}`, `chip ${is === null ? "unknown" : is ? "on" : ""}`);
   }));
-  const chips = effects.map(({ name, state }) => element("span", `${name.replaceAll("_", " ")}: ${state}`, `chip ${state === "cancelled" ? "on" : ""}`));
+  const chips = effects.map(({ name, state, asked }) => {
+    const chip = element(asked === null ? "span" : "button", `${name.replaceAll("_", " ")}: ${state}`, `chip ${state === "cancelled" ? "on" : ""}`);
+    if (asked === null) return chip;
+    chip.title = asked ? "Leave it out" : "Cancel it";
+    chip.setAttribute("role", "switch");
+    chip.setAttribute("aria-checked", String(asked));
+    chip.disabled = !control || job.running;
+    chip.addEventListener("click", () => set(name, !asked));
+    return chip;
+  });
   if (model) chips.unshift(element("span", `model: ${model}`, "chip"));
   $("effects").replaceChildren(...(chips.length ? chips : [element("span", "The axis file names no effects beyond friction.", "hint")]));
 }
