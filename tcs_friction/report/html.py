@@ -51,7 +51,7 @@ figcaption{font-size:.9rem;color:var(--soft);margin-top:.3rem;max-width:52rem}
 @media screen and (max-width:40rem){figure img{width:auto;min-width:30rem;max-width:none}}
 @media screen and (max-width:40rem){.sentence{font-size:1.15rem}}
 @media print{body{max-width:none;padding:0;font-size:11pt}h2,caption{break-after:avoid}tr,.number{break-inside:avoid}
-.wide{overflow:visible}table{font-size:9pt}th,td{padding-right:.5rem}}
+.wide{overflow:visible;break-inside:avoid}table{font-size:9pt}th,td{padding-right:.5rem}}
 """
 
 

@@ -1,0 +1,46 @@
+"""The file in which the monitor keeps what it has learned; without a name nothing is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tcs_friction.errors import TcsError
+from tcs_friction.monitor.baseline import Baseline
+from tcs_friction.monitor.kept import load_learned, save_learned
+from tcs_friction.nodes.health import Health
+from tcs_friction.nodes.jobs import Waiter
+
+
+class LearnedFile:
+    """Says on /diagnostics why what it has is of no use, or why it cannot be written."""
+
+    def __init__(self, health: Health, waiter: Waiter) -> None:
+        self._health, self._waiter = health, waiter
+        self._name = self._watched = ""
+
+    def recall(self, name: str, watched: str) -> Baseline | None:
+        """What was learned before of the same thing, None for nothing; from now on the file is this one."""
+        self._name, self._watched = name, watched
+        try:
+            return load_learned(Path(name), watched) if name else None
+        except TcsError as error:
+            self._health.doubt("learning", f"learning anew: {error}")
+            return None
+
+    async def keep(self, baseline: Baseline) -> None:
+        """Write what was learned, in a thread."""
+        name, watched = self._name, self._watched
+        if not name:
+            return
+        try:
+            await self._waiter.in_thread(lambda: save_learned(Path(name), baseline, watched))
+        except TcsError as error:
+            self._health.doubt("learning", f"what was learned is not kept: {error}")
+
+    def forget(self) -> None:
+        """What is learned anew is not known after a restart either, until it is learned."""
+        try:
+            if self._name:
+                Path(self._name).unlink(missing_ok=True)
+        except OSError as error:
+            self._health.note(f"{self._name} stays: {error.strerror}")
