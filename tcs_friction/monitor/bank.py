@@ -40,6 +40,10 @@ OUTSIDE = 0.02  # of the travel learned, by which a position may lie outside
 FASTER = 1.1  # times the fastest speed learned
 
 
+ENDS = np.cumsum([1, len(DIRECTIONS), SPEED_BANDS + 1, 2 * BINS, PHASES * ORDERS])
+"""Where the tests of each linear coordinate end."""
+
+
 class Layout(NamedTuple):
     """What was learned of the motion, and the tests that follow from it."""
 
@@ -83,8 +87,7 @@ def layout(rows: Array, cycle: float) -> Layout:
     if cycle == 1.0 and travel >= 2.0 * math.pi:
         first, step = 2.0, 1.0
     orders = first + step * np.arange(ORDERS)
-    counts = [1, len(DIRECTIONS), SPEED_BANDS + 1, 2 * BINS, PHASES * ORDERS]
-    return Layout(np.array([low, high]), edges, orders, np.cumsum(counts))
+    return Layout(np.array([low, high]), edges, orders, ENDS.copy())
 
 
 def described(known: Layout, number: int, cycle: float, kind: str) -> Test:

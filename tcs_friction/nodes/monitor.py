@@ -20,7 +20,8 @@ from tcs_friction.control.config_field import setting, switch, text, texts
 from tcs_friction.control.plausible import Ranges
 from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
 from tcs_friction.errors import JobError, TcsError
-from tcs_friction.monitor.watch import Watch, WatchConfig
+from tcs_friction.monitor.kept import identity
+from tcs_friction.monitor.watch import Watch, WatchConfig, compiled
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
 from tcs_friction.nodes.driver import TOPIC, CommandedTorque
 from tcs_friction.nodes.event_ring import EventRing, RingTopics, new_name, write_bag
@@ -28,6 +29,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.joint_input import JointInput
+from tcs_friction.nodes.learned import LearnedFile
 from tcs_friction.nodes.measured_surroundings import MeasuredSurroundings
 from tcs_friction.nodes.monitor_words import counted, said
 from tcs_friction.nodes.peers import ResultsConfig
@@ -42,6 +44,7 @@ LOST_AXIS = 5.0  # s on top of `after` in which the axis says nothing, and the b
 class MonitorConfig(ResultsConfig, WatchConfig, Ranges, ClockConfig):
     """How long to learn, what to record and whether to diagnose it."""
 
+    learned: str = text("", "file that keeps what was learned over a restart; none: a restart learns anew", fixed=True)
     before: float = setting(60.0, "s", 1.0, 3600.0, "of the bag around a change, before it is told")
     after: float = setting(30.0, "s", 0.0, 3600.0, "of that bag, after it is told")
     record: bool = switch(True, "write the bag around a change below `results`")
@@ -76,6 +79,7 @@ class Monitor(AxisNode[MonitorConfig]):
         self._told_at: tuple[int, float] | None = None  # ns and steady time of a change whose bag has yet to be written
         self._bag: Path | None = None
         self._waiter = Waiter(self)
+        self._kept = LearnedFile(self.health, self._waiter)
         self.start()
         heard = [self.resolve_topic_name(name) for name in (TOPIC, EVIDENCE_TOPIC)]
         own = [self.resolve_topic_name(name) for name in ("reference", "temperature", "torque_command", *self.config.topics)]
@@ -100,6 +104,10 @@ class Monitor(AxisNode[MonitorConfig]):
         self._lacking = self._around.lacking()
         self._watch_over = Watch(self.file.axis, config.period, config, self._around.names)
         self._forget()
+        before = self._kept.recall(config.learned, identity(self.file.axis, config.period, self._around.names))
+        if before is not None:
+            compiled(before)
+            self._watch_over.adopt(before)
 
     def _forget(self) -> None:
         """No change is known."""
@@ -172,6 +180,7 @@ class Monitor(AxisNode[MonitorConfig]):
                 if watch is self._watch_over and watch.is_learning:
                     watch.adopt(found)
                     self.health.well("learning")
+                    await self._kept.keep(found)
             except TcsError as error:
                 watch.learn_anew()
                 self.health.doubt("learning", f"learning anew: {error}")
@@ -183,6 +192,7 @@ class Monitor(AxisNode[MonitorConfig]):
 
     def _on_learn(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         self._watch_over.learn_anew()
+        self._kept.forget()
         self._forget()
         answer.success, answer.message = True, f"learning from the next {self.config.learning_time:g} s of motion"
         return answer

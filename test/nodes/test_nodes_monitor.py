@@ -112,17 +112,20 @@ def axis() -> Iterator[Axis]:
     made.close()
 
 
-def started(processes: Any, axis: Axis, folder: Path, *more: str, label: str = "") -> None:
+def started(processes: Any, axis: Axis, folder: Path, *more: str, label: str = "", phase: str = "learning") -> None:
     """A monitor in a process of its own that hears the axis."""
     values = {"period": PERIOD, "learning_time": 40.0, "before": 15.0, "after": 4.0, "results": folder}
     words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
     processes.start("monitor", *words, *more, label=label)
     assert wait_until(lambda: axis.publisher.get_subscription_count() > 0 and axis.clients["learn"].service_is_ready())
-    assert axis.says("learning")
+    assert axis.says(f"'phase': '{phase}'")
 
 
-def test_a_change_is_told_recorded_and_diagnosed_and_a_restart_learns_anew(processes: Any, axis: Axis, tmp_path: Path) -> None:
-    started(processes, axis, tmp_path)
+def test_a_change_is_told_recorded_and_diagnosed_and_learning_outlives_a_restart(
+    processes: Any, axis: Axis, tmp_path: Path
+) -> None:
+    kept = tmp_path / "kept" / "learned.npz"
+    started(processes, axis, tmp_path, "-p", f"learned:={kept}")
     assert "no bag around a change" in axis.call("diagnose").message
     axis.move(states(60.0))
     assert axis.says("'phase': 'watching'", 120.0), "where nothing is compiled yet, this takes a while"
@@ -165,14 +168,30 @@ def test_a_change_is_told_recorded_and_diagnosed_and_a_restart_learns_anew(proce
     assert len(list(tmp_path.glob("change_*"))) == 2, "the first bag is kept, and a second one written"
     assert axis.says("The model lacks what the test says.")
     assert "fell by" in axis.report.message
+    learned = kept.read_bytes()
     assert axis.call("learn").success
+    assert not kept.exists(), "a restart would judge by what is to be forgotten"
     axis.move(states(1.0))
     assert wait_until(lambda: axis.evidence[-1].learned < 0.1 and not axis.evidence[-1].changed)
     assert processes.interrupt("monitor") == 0
     axis.report = Report(0.0, 0, "", {})
     started(processes, axis, tmp_path, label="again")
     axis.move(states(3.0))
-    assert wait_until(lambda: 0.0 < axis.evidence[-1].learned < 0.2), "what was learned is not kept"
+    assert wait_until(lambda: 0.0 < axis.evidence[-1].learned < 0.2), "without a file what was learned is not kept"
+    assert processes.interrupt("again") == 0
+    axis.report = Report(0.0, 0, "", {})
+    kept.write_bytes(learned)
+    started(processes, axis, tmp_path, "-p", f"learned:={kept}", label="recalls", phase="watching")
+    axis.move(states(3.0))
+    assert wait_until(lambda: axis.evidence[-1].learned == 1.0 and not math.isnan(axis.evidence[-1].unexplained))
+
+
+def test_a_file_of_another_model_is_said_and_learning_begins_anew(together: Callable[..., Any], tmp_path: Path) -> None:
+    (tmp_path / "learned.npz").write_text("nonsense")
+    node = together("-p", f"period:={PERIOD}", "-p", f"learned:={tmp_path / 'learned.npz'}", nodes=["monitor"])["monitor"]
+    assert node._watch_over.is_learning
+    assert "learning anew: " in node.health.warning
+    assert "is not what a monitor has learned" in node.health.warning
 
 
 THERMAL = "{effect: temperature_dependent_friction, parameters: {dry: -0.01, viscous: 0.0}}"
