@@ -86,14 +86,14 @@ class AxisFile:
         return self.signals
 
 
-def shipped(name: str) -> Path:
-    """A file of the config folder, of the checkout or of the installed package; InputError if it has none of that name."""
+def shipped(name: str, folder: str = "config") -> Path:
+    """A file of a folder of the checkout or of the installed package; InputError if it has none of that name."""
     prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    folders = [Path(__file__).resolve().parents[1] / "config", *(Path(p, "share/tcs_friction/config") for p in prefixes)]
-    for folder in folders:
-        if (folder / name).is_file():
-            return folder / name
-    raise InputError(name, "not in the config folder", f"one of the files in {folders[0]}")
+    places = [Path(__file__).resolve().parents[1] / folder, *(Path(p, "share/tcs_friction", folder) for p in prefixes)]
+    for place in places:
+        if (place / name).is_file():
+            return place / name
+    raise InputError(name, f"not in the {folder} folder", f"one of the files in {places[0]}")
 
 
 def mapping(value: object, where: str, keys: tuple[str, ...] = ()) -> Mapping[str, Any]:

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.entry import end_at_once, keep_logs, stay_local
+from tcs_friction.nodes.entry import end_at_once, hear_over_udp, keep_logs, stay_local
 
 TAKES_ROS_ARGUMENTS = True
 PORT = 8642
@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     rules = access(arguments.host, arguments.token_file, arguments.control, tuple(arguments.name))
     end_at_once()
     stay_local()
+    hear_over_udp()
     keep_logs()
     try:
         from tcs_friction.live.process import serve

@@ -16,13 +16,14 @@ from pathlib import Path
 
 from tcs_friction.compiled_cache import kept, lasts
 
+RANGE, PROFILES = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"
 DISCOVERY = (
-    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    RANGE,
     "ROS_LOCALHOST_ONLY",
     "ROS_STATIC_PEERS",
     "ROS_DISCOVERY_SERVER",
     "FASTDDS_DEFAULT_PROFILES_FILE",
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    PROFILES,
     "CYCLONEDDS_URI",
 )
 """Variables by which users say who may find their nodes."""
@@ -31,7 +32,21 @@ DISCOVERY = (
 def stay_local() -> None:
     """Nodes are found on this machine only, unless the environment says who may find them."""
     if not any(os.environ.get(name) for name in DISCOVERY):
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        os.environ[RANGE] = "LOCALHOST"
+
+
+def hear_over_udp() -> None:
+    """Where nodes are found on this machine only, let what this process hears come over UDP, not through shared memory.
+
+    For a process that nobody is to wait for: one that hangs makes every message into its shared memory dearer for the sender.
+    """
+    chosen = [name for name in DISCOVERY if os.environ.get(name)]
+    fast = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
+    if fast and chosen == [RANGE] and os.environ[RANGE] == "LOCALHOST":
+        from tcs_friction.config import shipped
+
+        os.environ[PROFILES] = str(shipped("loopback_udp.xml", "security"))
+        del os.environ[RANGE]
 
 
 def keep_logs() -> None:

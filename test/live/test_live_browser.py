@@ -60,6 +60,10 @@ class Site:
                 command, stdout=log, stderr=subprocess.STDOUT, cwd=self.folder, env=env, start_new_session=True
             )
 
+    def has_shared_memory(self, name: str) -> bool:
+        """Whether its messages come through shared memory, of which a process that hangs frees nothing."""
+        return "/dev/shm/fastrtps" in Path(f"/proc/{self._processes[name].pid}/maps").read_text()
+
     def signal(self, name: str, number: int) -> None:
         self._processes[name].send_signal(number)
 
@@ -149,6 +153,7 @@ def test_a_measurement_from_start_to_report_and_a_graph_that_is_lost_and_comes_b
     wait_for(page, "#state", "^Well$")
     wait_for(page, "#sentence", r"Tracking error [0-9.e-]+ arcsec rms .*friction is not compensated")
     assert page.text_content("#number-friction_estimate") == "–"
+    assert not site.has_shared_memory("live")
     until(lambda: page.locator("#nodes td.state.is-well").count() == 8, lambda: str(page.text_content("#nodes")))
     until(lambda: picture(page, "error") > 100, lambda: "no curve is drawn")
     assert picture(page, "trail") == 0

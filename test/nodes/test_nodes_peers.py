@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from tcs_friction_msgs.srv import Diagnose, Identify
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.entry import DISCOVERY, stay_local
+from tcs_friction.nodes.entry import DISCOVERY, PROFILES, RANGE, hear_over_udp, stay_local
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.nodes.peers import new_results, result_directory
 
@@ -106,3 +106,24 @@ def test_discovery_stays_on_this_machine_unless_the_environment_says_otherwise(m
     monkeypatch.setenv("ROS_DISCOVERY_SERVER", "10.0.0.1:11811")
     stay_local()
     assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
+
+
+@pytest.mark.parametrize(
+    ("given", "over_udp"),
+    [({RANGE: "LOCALHOST"}, True), ({RANGE: "SUBNET"}, False), ({}, False), ({RANGE: "LOCALHOST", PROFILES: "own.xml"}, False),
+     ({RANGE: "LOCALHOST", "ROS_STATIC_PEERS": "10.0.0.1"}, False),
+     ({RANGE: "LOCALHOST", "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, False)],
+)  # fmt: skip
+def test_a_page_hears_over_the_loopback_where_nobody_has_chosen_otherwise(
+    given: dict[str, str], over_udp: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import os
+
+    for name in (*DISCOVERY, "RMW_IMPLEMENTATION"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    hear_over_udp()
+    assert (RANGE not in os.environ and os.environ.get(PROFILES, "").endswith("security/loopback_udp.xml")) is over_udp
+    assert over_udp or {name: os.environ[name] for name in given} == given
+    monkeypatch.delenv(PROFILES, raising=False)
