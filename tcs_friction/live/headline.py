@@ -10,6 +10,8 @@ from tcs_friction.nodes.page_state import Condition, Job, Switches
 WELL, WARNING, WRONG = "well", "warning", "wrong"
 LOST_AFTER = 2.0  # s without a joint state
 SILENT_AFTER = 4.0  # s without a report; nodes report every second
+MONITOR = "monitor"
+"""The node whose words come first: a change of physics must not be cut off behind what busy nodes say."""
 WAITING = "waiting: "
 """How the report of a node begins that stands still on purpose."""
 MODES = {
@@ -83,5 +85,6 @@ def _running(at: Situation) -> str:
 
 def _said(conditions: Mapping[str, Condition], level: int) -> str:
     """What the nodes of one level say."""
-    names = [name for name in sorted(conditions) if min(conditions[name].level, 2) == level]
+    ordered = sorted(conditions, key=lambda name: (name != MONITOR, name))
+    names = [name for name in ordered if min(conditions[name].level, 2) == level]
     return "; ".join(f"{name}: {conditions[name].message}" for name in names)

@@ -28,6 +28,12 @@ FINE = Situation(NOW, NOW - 0.01, {"plant": said(0), "dob": said(0)}, Switches((
         (replace(FINE, switches=Switches((True, False, True))), WELL, "Well", "one by one"),
         (replace(FINE, switches=Switches()), WELL, "Well", "not known"),
         (replace(FINE, conditions={"dob": said(1, "late")}), WARNING, "Running with warnings", "dob: late"),
+        (
+            replace(FINE, conditions={"dob": said(1, "late"), "monitor": said(1, "physics changed")}),
+            WARNING,
+            "Running with warnings",
+            "monitor: physics changed; dob: late",
+        ),
         (replace(FINE, conditions={"dob": said(2, "lost"), "plant": said(1, "late")}), WRONG, "Trouble", "dob: lost"),
         (replace(FINE, conditions={"plant": said(0), "dob": said(0, age=20)}), WRONG, "Node lost", "dob has not reported"),
         (replace(FINE, heard=NOW - 9), WRONG, "Standing still", "No joint states for 9 s."),
