@@ -1,21 +1,16 @@
-"""What a watch has learned, in a file, so that a restart does not cost another learning period."""
+"""What a watch has learned as the content of a file, so that a restart does not cost another learning period."""
 
 from __future__ import annotations
 
-import hashlib
 import io
-import json
 import zipfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tcs_friction.config import axis_mapping, write_bytes
-from tcs_friction.errors import InputError, refusal
+from tcs_friction.errors import InputError
 from tcs_friction.monitor.bank import ENDS, LINES, ORDERS, SPEED_BANDS, Layout
 from tcs_friction.monitor.baseline import MOST_WAVES, PRIOR, Baseline
-from tcs_friction.physics.axis import Axis
 
 FORMAT = "tcs_friction/learned/1"
 TESTS = int(ENDS[-1])
@@ -27,35 +22,25 @@ SHAPES: dict[str, tuple[int, ...]] = {
 """Of the arrays in a file. `waves` has up to MOST_WAVES rows of 3."""
 
 
-def identity(axis: Axis, period: float, signals: tuple[str, ...]) -> str:
-    """What was learned holds for the same model, period (s) and recorded signals: a checksum of them."""
-    watched = json.dumps([axis_mapping(axis), period, signals], sort_keys=True)
-    return hashlib.sha256(watched.encode()).hexdigest()
-
-
-def save_learned(path: Path, baseline: Baseline, watched: str) -> None:
-    """`watched`: as `identity` says. The file appears whole or not at all. Raises JobError where it cannot be written."""
+def packed(baseline: Baseline, watched: str) -> bytes:
+    """The content of a file. `watched`: what it was learned of."""
     content = io.BytesIO()
     arrays = {**baseline.known._asdict(), **{name: value for name, value in baseline._asdict().items() if name != "known"}}
     np.savez(content, format=FORMAT, watched=watched, **arrays)
-    write_bytes(path, content.getvalue())
+    return content.getvalue()
 
 
-def load_learned(path: Path, watched: str) -> Baseline | None:
-    """What was saved for the same `watched`, None where there is no file. Raises InputError for any other file."""
+def unpacked(content: bytes, watched: str, where: str) -> Baseline:
+    """What was learned of the same `watched`. Raises InputError, which names `where`, for any other content."""
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
             found: dict[str, Any] = {name: file[name] for name in ("format", "watched", "waves", *SHAPES)}
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise InputError(str(path), str(refusal(error).found), "a file of what was learned") from None
     except (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile):
-        raise InputError(str(path), "is not what a monitor has learned", f"a file {FORMAT}") from None
+        raise InputError(where, "is not what a monitor has learned", f"a file {FORMAT}") from None
     if str(found.pop("format")) != FORMAT or not _is_whole(found):
-        raise InputError(str(path), "is not what this version learns", f"a file {FORMAT}")
+        raise InputError(where, "is not what this version learns", f"a file {FORMAT}")
     if str(found.pop("watched")) != watched:
-        raise InputError(str(path), "was learned with another axis file or period", "the same model as now")
+        raise InputError(where, "was learned with another axis file or period", "the same model as now")
     known = Layout(**{name: found.pop(name) for name in Layout._fields})
     return Baseline(known, **{**found, "noise": float(found["noise"])})
 

@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
 
-from tcs_friction.errors import TcsError
+from tcs_friction.config import axis_mapping, write_bytes
+from tcs_friction.errors import InputError, TcsError, refusal
 from tcs_friction.monitor.baseline import Baseline
-from tcs_friction.monitor.kept import load_learned, save_learned
+from tcs_friction.monitor.kept import packed, unpacked
 from tcs_friction.nodes.health import Health
 from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.physics.axis import Axis
+
+
+def identity(axis: Axis, period: float, signals: tuple[str, ...]) -> str:
+    """What was learned holds for the same model, period (s) and recorded signals: a checksum of them."""
+    watched = json.dumps([axis_mapping(axis), period, signals], sort_keys=True)
+    return hashlib.sha256(watched.encode()).hexdigest()
+
+
+def save_learned(path: Path, baseline: Baseline, watched: str) -> None:
+    """The file appears whole or not at all. Raises JobError where it cannot be written."""
+    write_bytes(path, packed(baseline, watched))
+
+
+def load_learned(path: Path, watched: str) -> Baseline | None:
+    """What was saved for the same `watched`, None where there is no file. Raises InputError for any other file."""
+    try:
+        return unpacked(path.read_bytes(), watched, str(path))
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise InputError(str(path), str(refusal(error).found), "a file of what was learned") from None
 
 
 class LearnedFile:

@@ -20,7 +20,6 @@ from tcs_friction.control.config_field import setting, switch, text, texts
 from tcs_friction.control.plausible import Ranges
 from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
 from tcs_friction.errors import JobError, TcsError
-from tcs_friction.monitor.kept import identity
 from tcs_friction.monitor.watch import Watch, WatchConfig, compiled
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
 from tcs_friction.nodes.driver import TOPIC, CommandedTorque
@@ -29,7 +28,7 @@ from tcs_friction.nodes.executor import run
 from tcs_friction.nodes.health import Level
 from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.joint_input import JointInput
-from tcs_friction.nodes.learned import LearnedFile
+from tcs_friction.nodes.learned import LearnedFile, identity
 from tcs_friction.nodes.measured_surroundings import MeasuredSurroundings
 from tcs_friction.nodes.monitor_words import counted, said
 from tcs_friction.nodes.peers import ResultsConfig
