@@ -23,6 +23,8 @@ BINS = 500
 """Bins of a window: as many as a plot has columns to draw them."""
 SLACK = SECOND // 2
 """Stamps that go back by more than this, ns, begin another run; what goes back by less is left out."""
+AWAY = max(WINDOWS) * SECOND
+"""So does a step forward of more than this: a graph with another clock, such as one in real time after one in lock-step."""
 ERROR = "error"
 JUDGED_MOST = 20_000
 """Samples of which the tracking error is judged at most: 5 s at 4 kHz."""
@@ -67,10 +69,10 @@ class Channel:
         first, stamps, values = self.history.since(self._taken)
         self._taken = first + len(stamps)
         before = np.concatenate(([self._last], stamps[:-1])) if len(stamps) else stamps
-        back = np.flatnonzero(stamps < before - SLACK)
-        begun = bool(len(back))
+        anew = np.flatnonzero((stamps < before - SLACK) | ((before >= 0) & (stamps > before + AWAY)))
+        begun = bool(len(anew))
         if begun:
-            stamps, values = stamps[back[-1] :], values[back[-1] :]
+            stamps, values = stamps[anew[-1] :], values[anew[-1] :]
             self.clear()
             self._last = -1
         new = np.diff(np.maximum.accumulate(stamps), prepend=self._last) > 0

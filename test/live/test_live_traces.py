@@ -214,6 +214,21 @@ def test_a_new_run_begins_with_empty_curves() -> None:
     assert traces.bins("torque_applied", 20, 0).high.max() == 3.0
 
 
+def test_stamps_of_another_clock_begin_a_new_run() -> None:
+    """Real time after lock-step; the page counts its time from the beginning of the run."""
+    traces, date = Traces(), 1_700_000_000_000
+    feed(traces, 0, 2000)
+    traces.advance()
+    feed(traces, date, date + 100)
+    traces.advance()
+    assert traces.run == 1
+    assert traces.begun == date * MS
+    assert traces.bins("speed", 20, 0).number.min() == date // 40
+    feed(traces, date + 200_000, date + 200_100)  # a pause that still fits into a window
+    traces.advance()
+    assert (traces.run, traces.begun) == (1, date * MS)
+
+
 def test_what_a_topic_said_in_the_run_before_is_gone_though_it_says_nothing_more() -> None:
     traces = Traces()
     feed(traces, 0, 2000)
