@@ -15,9 +15,11 @@ or two are found whether to go on makes sense; held-out data are first looked at
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+
+import numpy as np
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.checks import check_units
@@ -26,6 +28,7 @@ from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.fit.parameters import INERTIA
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
@@ -44,6 +47,7 @@ from tcs_friction.physics.terms import Need
 from tcs_friction.recording.recording import Recording
 
 WRONG_INERTIA = 0.4  # of its logarithm, by which the believed inertia is not expected to be wrong: a spring feigns another
+STAYS = 3.0  # standard deviations within which an inertia did not change
 FORGOTTEN = 10.0  # bristle deflections, after which exp(-10) is left of how friction was bent before the recording
 
 
@@ -68,20 +72,17 @@ def diagnose(
     balance, retuned, base = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
     lacks = lacking(balance.data, file.axis)
     if Need.FREE_ACCELERATION in lacks:
-        believable = abs(math.log(retuned.axis.inertia / file.axis.inertia)) < WRONG_INERTIA
-        balance, retuned, base = _with_known_inertia(balance, retuned, base, None if believable else file.axis.inertia)
-        lacks = lacks if believable else lacks - {Need.FREE_ACCELERATION}
+        wrong = _wrong_inertia(retuned.axis, file.axis)
+        balance, retuned, base = _with_known_inertia(balance, retuned, base, file.axis.inertia if wrong else None)
+        lacks = lacks - {Need.FREE_ACCELERATION} if wrong else lacks
 
-    remainder = lru_cache(maxsize=1)(partial(remainder_of, balance))  # the search and the next stage ask of one fit
-    selection = select_effects(
-        balance,
-        retuned,
-        base,
-        file.axis,
-        barred(lacks),
-        enough=lambda base, fit: remainder(base, fit).further_effects_are_map,
-        progress=progress,
-    )
+    remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
+    if balance.inertia_known and selection.found:
+        inertia = _inertia_beside(balance, selection, file.axis)
+        if inertia is not None:
+            balance, retuned, base = _with_known_inertia(balance, retuned, base, inertia)
+            lacks = lacks | {Need.FREE_ACCELERATION}
+            remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
 
     progress(0.75, "looking for structure that remains")
     left = remainder(selection.base, selection.chosen)
@@ -121,6 +122,42 @@ def _with_known_inertia(
         axis = fit.axis if inertia is None else replace(fit.axis, inertia=inertia)
         fits.append(settle(known, axis, white_noise(known.samples)))
     return known, fits[0], fits[0] if base is retuned else fits[1]
+
+
+def _wrong_inertia(fitted: Axis, believed: Axis) -> bool:
+    """Whether a fitted inertia is further from the believed one than that is expected to be wrong."""
+    return abs(math.log(fitted.inertia / believed.inertia)) >= WRONG_INERTIA
+
+
+def _inertia_beside(balance: TorqueBalance, selection: Selection, believed: Axis) -> float | None:
+    """The inertia (kg m^2) beside the effects found, where it was taken as known; None where it stays.
+
+    It was retuned while what the recording shows was not yet found. Springs and gravity that were found with it may only mend it.
+    """
+    known = selection.chosen.axis
+    others = tuple(item for item in known.effects if Need.FREE_ACCELERATION not in item.term.needs)
+    free = TorqueBalance(balance.data, balance.stated_delay)
+    fit = settle(free, replace(known, effects=others), selection.chosen.noise, rounds=2)
+    error = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance)), strict=True))[INERTIA]
+    changed = abs(math.log(fit.axis.inertia / known.inertia)) > STAYS * error
+    return fit.axis.inertia if changed and not _wrong_inertia(fit.axis, believed) else None
+
+
+def _searched(
+    balance: TorqueBalance, retuned: Fit, base: Fit, believed: Axis, lacks: frozenset[Need], progress: Progress
+) -> tuple[Callable[[Fit, Fit], Remainder], Selection]:
+    """What a base and a fit leave, as a function that remembers its last answer, and what the search chose by asking it."""
+    remainder = lru_cache(maxsize=1)(partial(remainder_of, balance))  # the search and the next stage ask of one fit
+    selection = select_effects(
+        balance,
+        retuned,
+        base,
+        believed,
+        barred(lacks),
+        enough=lambda base, fit: remainder(base, fit).further_effects_are_map,
+        progress=progress,
+    )
+    return remainder, selection
 
 
 def _explanation(

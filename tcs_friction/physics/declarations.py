@@ -32,7 +32,8 @@ class Need(enum.Enum):
     REVERSALS = "several reversals"
     SPEEDS = "several speeds"
     ACCELERATION = "an inertial torque that stands out of the noise"
-    FREE_ACCELERATION = "acceleration that does not just follow the position, as in one sinusoid"
+    FREE_ACCELERATION = "acceleration that does not just follow the position, as in one sinusoid, or an inertia that is known"
+    MEASURED_INERTIA = "acceleration that does not just follow the position, from which the inertia is measured"
     TRAVEL = "a tenth of a turn of travel"
     DURATION = "tens of seconds, in which slow changes show"
 

@@ -57,6 +57,10 @@ def test_a_spring_that_no_inertia_explains_is_named_on_a_swing() -> None:
     assert found.axis_file.axis.inertia == pytest.approx(1000.0, rel=0.02)
 
 
-def test_cogging_is_named_alone_on_a_swing() -> None:
-    found = diagnosed(SWING, 3, cogging={"order": 720.0, "amplitude": 2.0, "phase": 1.0})
+def test_cogging_that_feigns_another_inertia_is_named_alone_on_a_swing() -> None:
+    """Retuned without the cogging, the inertia is far off. Springs would mend the believed one, which is off by a tenth."""
+    swing = {"kind": "sinusoid", "amplitude": 0.3, "period": 60.0, "duration": 120.0}
+    recording, plain = recorded(swing, 3, cogging={"order": 72.0, "amplitude": 60.0, "phase": 1.0})
+    found = diagnose([recording], telescope_file().with_axis(replace(plain, inertia=900.0)))
     assert [one.effect for one in found.effects] == ["cogging"]
+    assert found.axis_file.axis.inertia == pytest.approx(1000.0, rel=0.01)

@@ -213,7 +213,7 @@ def _swing(data: DataSet, axis: Axis) -> list[Limit]:
     return [
         Limit(
             "swings like one sinusoid, whose acceleration follows its position: springs and gravity cannot be told from inertia",
-            frozenset({Need.FREE_ACCELERATION}),
+            frozenset({Need.FREE_ACCELERATION, Need.MEASURED_INERTIA}),
         )
     ]
 

@@ -25,5 +25,5 @@ TERM = Term(
     kernel=scale,
     reads=("torque",),
     coordinate="torque",
-    needs=frozenset({Need.FREE_ACCELERATION}),  # else its load is the inertia's torque, which is not known
+    needs=frozenset({Need.MEASURED_INERTIA}),  # its load is mostly the inertia's torque
 )

@@ -43,5 +43,5 @@ TERM = Term(
     rotary=True,
     coordinate="acceleration",
     subsystem="structure",
-    needs=frozenset({Need.ACCELERATION, Need.FREE_ACCELERATION, Need.TRAVEL}),
+    needs=frozenset({Need.ACCELERATION, Need.MEASURED_INERTIA, Need.TRAVEL}),
 )
