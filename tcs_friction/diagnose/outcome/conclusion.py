@@ -177,8 +177,8 @@ class _Conclusion:
         return Unexplained(True, torque, {**largest, "coordinates": [largest["coordinate"]]})
 
     def _structure(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
-        """What is left when everything found is taken away."""
-        structure, left = self.explanation.structure, errors["improved"].train
+        """What is left when everything found is taken away, in the data that were fitted or in those held out."""
+        structure, left = self.explanation.structure, max(errors["improved"].train, errors["improved"].held_out)
         coordinates = structure.coordinates if structure is not None else ("time",)
         quantisation = self.balance.quantisation_torque(self.explanation.improved.axis)
         if coordinates == ("time",) and left < ABOVE_NOISE * quantisation:
