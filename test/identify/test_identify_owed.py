@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, axis_of, walked
 
-from tcs_friction.identify.identification import Identification, IdentifyOptions, identify
+from tcs_friction.identify.identification import IdentifyOptions, identify
+from tcs_friction.identify.result import Identification
 from tcs_friction.recording.recording import Recording
 
 BIAS = 15.0
