@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import IdentifyOptions, identify
 from tcs_friction.identify.motion import Data
 from tcs_friction.identify.pso_ga import Generation
@@ -29,10 +30,14 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """rows: best first by held-out residual. found: law -> its identification, in the same order."""
+    """rows: best first by held-out residual, NaN last. found: law -> its identification, in the same order.
+
+    left_out: law -> why it could not be fitted.
+    """
 
     rows: tuple[Row, ...]
     found: dict[str, Identification]
+    left_out: dict[str, str] = field(default_factory=dict)
 
     @property
     def best(self) -> Identification:
@@ -44,7 +49,7 @@ class Comparison:
         return [
             {
                 "law": row.law,
-                "rmse": {"train": row.train, "held_out": row.held_out},
+                "rmse": {"train": _number(row.train), "held_out": _number(row.held_out)},
                 "parameters": row.parameters,
                 "bic": row.bic,
                 "seconds": row.seconds,
@@ -62,14 +67,28 @@ def compare_laws(
     options: IdentifyOptions | None = None,
     names: Sequence[str] | None = None,
 ) -> Comparison:
-    """Identify every law (or those named) by the default method."""
+    """Identify every law (or those named) by the default method.
+
+    Raises InputError when none can be fitted.
+    """
     found: dict[str, Identification] = {}
+    failed: dict[str, InputError] = {}
     for name in names or sorted(laws()):
         if cancel() and found:
             break
-        found[name] = identify(data, axis, "default", name, seed, progress, cancel, options)
-    rows = sorted((_row(item) for item in found.values()), key=lambda row: row.held_out)
-    return Comparison(tuple(rows), {row.law: found[row.law] for row in rows})
+        try:
+            found[name] = identify(data, axis, "default", name, seed, progress, cancel, options)
+        except InputError as error:
+            failed[name] = error
+    if failed and not found:
+        raise next(iter(failed.values()))
+    rows = sorted((_row(item) for item in found.values()), key=lambda row: (math.isnan(row.held_out), row.held_out))
+    left_out = {name: str(error) for name, error in failed.items()}
+    return Comparison(tuple(rows), {row.law: found[row.law] for row in rows}, left_out)
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _row(item: Identification) -> Row:

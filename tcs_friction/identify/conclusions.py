@@ -58,13 +58,14 @@ class Conclusions:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """(p, p) of the unknowns, with zeros for what was held."""
+        """(p, p) of the unknowns, with what they owe to undetermined ones."""
         covariance = _covariance(self.refined, self.verdicts.space.free, self.uncertainty)
         if self.sharp is not None:
             own = _covariance(self.sharp.fit, self.sharp.space.free, self.uncertainty)[
                 :-NUISANCES, :-NUISANCES
             ]
             covariance[: len(own), : len(own)] = own
+        covariance += self.verdicts.owed
         return covariance if self.shift is None else covariance + np.outer(self.shift, self.shift)
 
     def estimate(self, k: int) -> Estimate:

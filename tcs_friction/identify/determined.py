@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tcs_friction.identify.owed import Owed, owed
 from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.start import with_sliding_states
@@ -22,13 +23,17 @@ PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
 
 @dataclass(frozen=True, eq=False)
 class Verdicts:
-    """refined: the final fit. space: what could not be determined is held. reasons: index of unknown -> why undetermined."""
+    """refined: the final fit. space: what could not be determined is held. reasons: index of unknown -> why undetermined.
+
+    owed (p, p): covariance of what depends on values that were only held.
+    """
 
     refined: Refined
     space: Space
     reasons: Mapping[int, str]
     evaluations: int
     notes: tuple[str, ...]
+    owed: np.ndarray
 
 
 def judge(
@@ -71,7 +76,13 @@ def judge(
     if "static" in names and names.index("static") in reasons and "static" not in believed:
         unknowns[names.index("static")] = unknowns[names.index("coulomb")]
         refined = replace(refined, unknowns=unknowns)
-    return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons))
+    debt, more_evaluations = owed(
+        problem, refined, space, sorted(k for k in reasons if space.free[k]) if polish else [], loss, cancel
+    )
+    undetermined = np.isin(np.arange(len(unknowns)), list(reasons))
+    reasons.update(_indebted(problem, refined, current.holding(undetermined), debt, size))
+    evaluations += more_evaluations
+    return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons), debt.covariance)
 
 
 def _states_only(problem: Problem, space: Space) -> Space:
@@ -166,6 +177,26 @@ def _undetermined(problem: Problem, refined: Refined, space: Space, size: float)
         if matters and relative > worst:
             worst, which = relative, k
     return {which: _reason(problem, which)} if which >= 0 else {}
+
+
+def _indebted(
+    problem: Problem, refined: Refined, space: Space, debt: Owed, size: float
+) -> dict[int, str]:
+    """What would mean nothing if the undetermined unknowns, which `space` holds, were others."""
+    reasons = {}
+    index = np.flatnonzero(space.free)
+    variances = np.diag(debt.covariance).copy()
+    variances[index] += np.diag(sandwich(refined.jacobian[:, index], refined.residual, refined.weights))
+    for k in index[index <= problem.offset_index].tolist():
+        if not debt.covariance[k, k] > 0.0:
+            continue
+        std = float(np.sqrt(variances[k]))
+        acting = float(np.abs(refined.jacobian[:, k]).max())
+        matters = space.logarithmic[k] or acting * std > NEGLIGIBLE * size
+        if matters and std > LARGEST_RELATIVE * abs(refined.unknowns[k]):
+            others = " and ".join(problem.names[other].replace("_", " ") for other in debt.creditors(k))
+            reasons[k] = f"cannot be told from {others}, which this motion does not determine"
+    return reasons
 
 
 def _still_falling(problem: Problem, refined: Refined, space: Space) -> dict[int, str]:

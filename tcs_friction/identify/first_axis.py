@@ -123,10 +123,10 @@ def _turned(balance: np.ndarray, spread: np.ndarray) -> bool:
 
 
 def _plainest(comparison: Comparison) -> Identification:
-    """The first law in LAWS that errs as little on held-out samples as the best, but for AS_GOOD."""
-    least = comparison.rows[0].held_out
-    rows = {row.law: row for row in comparison.rows}
-    return next(comparison.found[name] for name in LAWS if name in rows and rows[name].held_out <= (1.0 + AS_GOOD) * least)
+    """The first law in LAWS that errs as little on held-out samples as the best, but for AS_GOOD; the first if there are none."""
+    most = (1.0 + AS_GOOD) * comparison.rows[0].held_out
+    good = [row.law for row in comparison.rows if math.isnan(most) or row.held_out <= most]
+    return comparison.found[min(good, key=LAWS.index)]
 
 
 def _encoder(recordings: Sequence[Recording]) -> tuple[float, float]:
@@ -159,7 +159,9 @@ def _reasons(
     axis: Axis, found: Identification, comparison: Comparison, recordings: Sequence[Recording], fastest: float, turned: bool
 ) -> dict[Path, str]:
     rotary = axis.kind == "rotary"
-    rows = ", ".join(f"{row.law} {row.held_out:.3g}" for row in comparison.rows)
+    rows = ", ".join(
+        [*(f"{row.law} {row.held_out:.3g}" for row in comparison.rows), *(f"{law} not fitted" for law in comparison.left_out)]
+    )
     unit, length = ("N m", "rad") if rotary else ("N", "m")
     reasons: dict[Path, str] = {
         ("axis", "kind"): "",

@@ -27,7 +27,7 @@ def profiles(concluded: Conclusions, cancel: Callable[[], bool] = lambda: False)
     return {
         names[k]: _profile(concluded, fit, space, k)
         for k in np.flatnonzero(space.free[:size]).tolist()
-        if not cancel()
+        if k not in concluded.verdicts.reasons and not cancel()
     }
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_banded
 from scipy.signal import fftconvolve
+from scipy.stats import norm
+from scipy.stats import t as student
 
 
 def correlation_length(residual: np.ndarray) -> int:
@@ -20,6 +22,17 @@ def correlation_length(residual: np.ndarray) -> int:
     end = int(below[0]) if len(below) else length // 2
     integrated = 0.5 + float(correlation[1:end].sum())
     return int(np.clip(6.0 * integrated, 1, length // 8))
+
+
+def independent_samples(residual: np.ndarray) -> float:
+    """As many independent samples as these correlated ones (m,) are worth."""
+    return min(len(residual), 3.0 * len(residual) / correlation_length(residual))
+
+
+def few_samples(residual: np.ndarray, parameters: int) -> float:
+    """Factor of standard deviations that were estimated from few samples: Student's quantile over the normal one, at 95 %."""
+    freedom = max(independent_samples(residual) - parameters, 1.0)
+    return float(student.ppf(0.975, freedom) / norm.ppf(0.975))
 
 
 def sandwich(jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -40,6 +53,7 @@ def sandwich(jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray) ->
     meat = scores.T @ fftconvolve(scores, bartlett[:, None], mode="same", axes=0)
     count, parameters = slopes.shape
     covariance = bread @ meat @ bread * count / max(count - parameters, 1)
+    covariance *= few_samples(errors, parameters) ** 2
     result: np.ndarray = covariance / np.outer(size, size)
     return result
 
@@ -87,7 +101,9 @@ def block_bootstrap(
     starts = random.integers(0, max(count - block, 1), (draws, pieces))
     index = (starts[:, :, None] + np.arange(block)).reshape(draws, -1)[:, :count] % count
     deviations = (errors[index] * emphasis) @ scaled @ bread
-    result: np.ndarray = np.cov(deviations, rowvar=False).reshape(len(size), len(size)) / np.outer(size, size)
+    covariance = np.cov(deviations, rowvar=False).reshape(len(size), len(size))
+    covariance *= few_samples(errors, len(size)) ** 2
+    result: np.ndarray = covariance / np.outer(size, size)
     return result
 
 

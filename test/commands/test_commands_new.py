@@ -20,7 +20,10 @@ from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.dataset.checks import check_units
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.identify import first_axis
+from tcs_friction.errors import InputError
+from tcs_friction.identify import comparison, first_axis
+from tcs_friction.identify.identification import identify
+from tcs_friction.identify.result import Identification
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -170,6 +173,31 @@ def test_a_file_that_is_there_is_not_replaced_unless_it_is_asked_for(
     assert main(["new", str(bag(tmp_path / "bag", run)), "-o", str(tmp_path / "axis.yaml")]) == 2
     assert "exists already, expected a new file, or --force" in capsys.readouterr().err
     assert (tmp_path / "axis.yaml").read_text() == "mine"
+
+
+def test_what_tracks_slowly_one_way_gives_a_file_that_says_what_it_cannot_tell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """So few samples are left behind the low pass that none is held out; a law that cannot be fitted is left out."""
+
+    def refusing(*given: object) -> Identification:
+        if given[3] == "lugre":
+            raise InputError("identification", "no candidate can be compared", "a longer run")
+        return identify(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(first_axis, "LAWS", ("coulomb_viscous", "lugre"))
+    monkeypatch.setattr(comparison, "identify", refusing)
+    random, path = np.random.default_rng(0), tmp_path / "axis.yaml"
+    t = np.arange(2000) / 100.0
+    position = 7.3e-5 * t + 5e-8 * random.standard_normal(len(t))
+    source = SignalSource("/joint_states", "position", "a")
+    recording = Recording(t, position, 118.0 + 0.3 * random.standard_normal(len(t)))
+    write_recording(tmp_path / "bag", recording, SignalMap(source, replace(source, field="effort")))
+    assert main(["new", str(tmp_path / "bag"), "-o", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["laws"][0]["rmse"]["held_out"] is None
+    assert "not determined by this motion: coulomb, viscous of coulomb_viscous" in told["doubts"]
+    assert "lugre not fitted" in path.read_text()
 
 
 def test_comments_stand_behind_the_values_that_they_are_about() -> None:

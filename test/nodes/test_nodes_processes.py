@@ -102,8 +102,12 @@ def test_a_plant_that_is_back_starts_a_new_run(processes: Any, listener: Any) ->
     assert all(processes.alive(name) for name in LOOP)
 
 
-def test_in_real_time_a_plant_without_commands_holds_zero_torque(processes: Any, listener: Any) -> None:
-    start(processes, "-p", "clock:=real_time", "-p", "period:=0.01", "-p", "watchdog:=0.2", names=LOOP)
+@pytest.mark.parametrize("plant", ["plant", "mujoco_plant"])
+def test_in_real_time_a_plant_without_commands_holds_zero_torque(processes: Any, listener: Any, plant: str) -> None:
+    if plant == "mujoco_plant":
+        pytest.importorskip("mujoco", reason="of the optional set mujoco")
+    real_time = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "watchdog:=0.2")
+    start(processes, *real_time, names=(plant, *LOOP[1:]))
     assert wait_until(lambda: any(state[3] != 0.0 for state in listener.states[-50:]), 90.0), listener.health
     processes.kill("controller")
     assert wait_until(lambda: len(listener.states) > 50 and not any(state[3] for state in listener.states[-20:]), 30.0)
