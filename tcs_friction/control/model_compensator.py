@@ -258,6 +258,20 @@ class ModelCompensator:
         self.plan.limits[:] = [own.get(item.identity, math.inf) for item in self._all]
         self._switch()
 
+    def continued(self, config: CancellationConfig) -> ModelCompensator:
+        """The same feed-forward with another configuration, which goes on from the state of this one."""
+        other = ModelCompensator(self.model, self.dt, config, self.signals)
+        for own, its in (
+            (self.machine.states, other.machine.states),
+            (self.machine.motion, other.machine.motion),
+            (self.plan.shares, other.plan.shares),
+            (self.plan.memory, other.plan.memory),
+            (self.plan.parts, other.plan.parts),
+        ):
+            its[:] = own
+        other.without(self._missing)
+        return other
+
     def without(self, missing: Collection[str]) -> None:
         """Effects, by name, whose temperature or signal is not to be had at present: they leave as those left out do."""
         if frozenset(missing) != self._missing:
