@@ -64,7 +64,7 @@ class SwitchConfig:
     """Which effects of a model are cancelled."""
 
     left_out: tuple[str, ...] = texts("effects of the model that are not cancelled, by name")
-    entry_time: float = setting(0.5, "s", 0.0, 60.0, "an effect comes and goes with its switch over this time")
+    entry_time: float = setting(0.5, "s", 0.0, 60.0, "an effect, another model or another limit comes and goes over this time")
 
 
 @dataclass(frozen=True)
