@@ -1,27 +1,34 @@
-"""One feed-forward hands the torque over to another within a stated time, never in a step."""
+"""One source of torque or motion hands over to another within a stated time, never in a step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-Step = Callable[..., float]
+Step = Callable[..., Any]
+
+
+def between(new: float, old: float, share: float) -> float:
+    """A number with a share (0 to 1) of the old one."""
+    return new + share * (old - new)
 
 
 class Handover:
-    """The torque of the feed-forward that was put in place last, and of the one before while it leaves."""
+    """What the source that was put in place last gives, and that of the one before while it leaves.
 
-    def __init__(self, step: Step, reset: Callable[[], None]) -> None:
-        self._step, self._reset = step, reset
+    mix: of what the new and the old source give, and the share of the old one.
+    """
+
+    def __init__(self, step: Step, reset: Callable[[], None], mix: Callable[[Any, Any, float], Any] = between) -> None:
+        self._step, self._reset, self._mix = step, reset, mix
         self._leaving: Step | None = None
         self._share = self._fall = 0.0
 
     def replace(self, step: Step, reset: Callable[[], None], ticks: float) -> None:
-        """Hand over to another one, which starts anew, within so many ticks."""
-        before = Handover(self._step, self._reset)
+        """Hand over within so many ticks to another one, which goes on from the state that it has."""
+        before = Handover(self._step, self._reset, self._mix)
         before._leaving, before._share, before._fall = self._leaving, self._share, self._fall
         self._step, self._reset = step, reset
-        self._reset()
         self._leaving, self._share, self._fall = before.step, 1.0, 1.0 / max(ticks, 1.0)
 
     def reset(self) -> None:
@@ -29,13 +36,13 @@ class Handover:
         self._leaving = None
         self._reset()
 
-    def step(self, *reference: Any) -> float:
-        """One tick: the torque to add to the command, N m."""
-        torque = self._step(*reference)
+    def step(self, *given: Any) -> Any:
+        """One tick."""
+        found = self._step(*given)
         if self._leaving is None:
-            return torque
+            return found
         self._share -= self._fall
-        torque += max(self._share, 0.0) * (self._leaving(*reference) - torque)
+        found = self._mix(found, self._leaving(*given), max(self._share, 0.0))
         if self._share <= 0.0:
             self._leaving = None
-        return torque
+        return found

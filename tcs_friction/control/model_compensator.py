@@ -64,7 +64,7 @@ class SwitchConfig:
     """Which effects of a model are cancelled."""
 
     left_out: tuple[str, ...] = texts("effects of the model that are not cancelled, by name")
-    entry_time: float = setting(0.5, "s", 0.0, 60.0, "an effect comes and goes with its switch over this time")
+    entry_time: float = setting(0.5, "s", 0.0, 60.0, "an effect, another model or another limit comes and goes over this time")
 
 
 @dataclass(frozen=True)
@@ -257,6 +257,20 @@ class ModelCompensator:
         own = {item.identity: limits.get(name, config.effect_limit) for name, item in self.effects.items()}
         self.plan.limits[:] = [own.get(item.identity, math.inf) for item in self._all]
         self._switch()
+
+    def continued(self, config: CancellationConfig) -> ModelCompensator:
+        """The same feed-forward with another configuration, which goes on from the state of this one."""
+        other = ModelCompensator(self.model, self.dt, config, self.signals)
+        for own, its in (
+            (self.machine.states, other.machine.states),
+            (self.machine.motion, other.machine.motion),
+            (self.plan.shares, other.plan.shares),
+            (self.plan.memory, other.plan.memory),
+            (self.plan.parts, other.plan.parts),
+        ):
+            its[:] = own
+        other.without(self._missing)
+        return other
 
     def without(self, missing: Collection[str]) -> None:
         """Effects, by name, whose temperature or signal is not to be had at present: they leave as those left out do."""

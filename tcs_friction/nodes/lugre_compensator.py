@@ -95,12 +95,15 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._rule.configure(config.age_limit, config.patience, period=config.period)
 
     def _use(self, axis: Axis | None, config: CompensatorNodeConfig) -> None:
-        """Cancel another model's effects, or the same one's with other switches. One hands the torque over to the other."""
+        """Cancel another model's effects, or the same one's with other switches or limits: torque never comes in a step."""
         before = self._model
         if axis is None:
             self._model = None
         elif before is not None and self._runs(axis, config):
-            before.configure(config)
+            if _limits(config) == _limits(before.config):
+                before.configure(config)
+            else:
+                self._model = before.continued(config)
         else:
             self._model = ModelCompensator(axis, config.period, config, signals_of(axis))
         self._signals.follow({name: self._models.signals[name] for name in self._asked() if name in self._models.signals})
@@ -108,6 +111,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             self._complete = False
             ticks = config.entry_time / config.period
             if self._model is None:
+                self._lugre.reset()
                 self._source.replace(self._lugre_torque, self._lugre.reset, ticks)
             else:
                 self._source.replace(partial(_torque_of, self._model, self._signals), self._model.reset, ticks)
@@ -267,6 +271,10 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         else:
             self.health.refuse(f"lugre_parameters refused: {result.reason}")
             self.get_logger().warning(f"lugre_parameters refused: {result.reason}")
+
+
+def _limits(config: CancellationConfig) -> tuple[object, ...]:
+    return config.total_limit, config.effect_limit, config.effect_limits
 
 
 def _torque_of(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import text
+from tcs_friction.control.handover import Handover, between
 from tcs_friction.control.model_compensator import SwitchConfig, check_model, check_names
 from tcs_friction.control.position_correction import PositionCorrection
 from tcs_friction.errors import InputError
@@ -20,6 +21,9 @@ class ModelConfig(SwitchConfig):
     """The model and what is left out of it."""
 
     model: str = text("", "axis file whose effects are cancelled as far as they can be; none: friction by the LuGre parameters")
+
+Motion = tuple[float, float]
+"""Position (rad) and speed (rad/s)."""
 
 
 class ModelFile:
@@ -59,28 +63,48 @@ class MeasuredMotion:
     def __init__(self) -> None:
         self._models = ModelFile()
         self._correction: PositionCorrection | None = None
+        self._source = Handover(_as_measured, _nothing, _between)
+        self._begun = False
 
     def check(self, config: ModelConfig, file: AxisFile) -> None:
         """Raises InputError for a model that cannot be used on the axis of a file."""
         self._models.read(config, file)
 
     def configure(self, config: ModelConfig, file: AxisFile, period: float) -> None:
-        """Another model or other switches; a correction by the same model goes on."""
-        model = self._models.read(config, file)
+        """Another model, to which the one before hands over, or other switches; a correction by the same model goes on."""
+        model, before = self._models.read(config, file), self._correction
         if model is None:
             self._correction = None
-            return
-        if self._correction is None or self._correction.model is not model or self._correction.dt != period:
+        elif before is None or before.model is not model or before.dt != period:
             self._correction = PositionCorrection(model, period)
-        self._correction.configure(config.left_out, config.entry_time)
+        now = self._correction
+        if now is not None:
+            now.configure(config.left_out, config.entry_time)
+        if now is not before:
+            step, reset = (now.step, now.reset) if now is not None and now.effects else (_as_measured, _nothing)
+            self._source.replace(step, reset, config.entry_time / period)
+            if not self._begun:
+                self._source.reset()
 
     def reset(self) -> None:
         """A new run."""
-        if self._correction is not None:
-            self._correction.reset()
+        self._source.reset()
+        self._begun = False
 
     def at(self, position: float, speed: float) -> tuple[float, float]:
         """Position (rad) and speed (rad/s), to be asked once for each state."""
-        if self._correction is None or not self._correction.effects:
-            return position, speed
-        return self._correction.step(position, speed)
+        self._begun = True
+        found: Motion = self._source.step(position, speed)
+        return found
+
+
+def _as_measured(position: float, speed: float) -> Motion:
+    return position, speed
+
+
+def _nothing() -> None:
+    pass
+
+
+def _between(new: Motion, old: Motion, share: float) -> Motion:
+    return between(new[0], old[0], share), between(new[1], old[1], share)

@@ -235,14 +235,29 @@ def test_position_and_speed_are_those_behind_the_encoders_error(slope: float) ->
 def test_one_feed_forward_hands_over_to_another_without_a_step() -> None:
     begun: list[str] = []
     source = Handover(lambda *_: 10.0, lambda: None)
-    source.replace(lambda *_: 50.0, lambda: begun.append("new"), 40.0)
+    source.replace(lambda *_: 50.0, lambda: None, 40.0)
     torques = [source.step(0.0) for _ in range(20)]
     source.replace(lambda *_: -30.0, lambda: None, 80.0)  # before the first one has taken over
     torques += [source.step(0.0) for _ in range(100)]
-    assert begun == ["new"]
     assert torques[0] == pytest.approx(11.0)
     assert np.max(np.abs(np.diff(torques))) < 1.6
     assert torques[-1] == -30.0
-    source.replace(lambda *_: 5.0, lambda: None, 80.0)
+    source.replace(lambda *_: 5.0, lambda: begun.append("new"), 80.0)
     source.reset()
+    assert begun == ["new"]
     assert source.step(0.0) == 5.0, "at rest nothing is leaving"
+
+
+def test_with_other_limits_it_goes_on_from_where_it_is() -> None:
+    axis = BARE.with_effect(item("torque_bias", bias=50.0)).with_effect(item("imbalance", amplitude=5.0, phase=1.0))
+    first = ModelCompensator(axis, DT, CancellationConfig(left_out=("imbalance",), entry_time=1.0))
+    never = ModelCompensator(axis, DT, CancellationConfig(left_out=("imbalance",), entry_time=1.0))
+    for model in (first, never):
+        for k in range(50):
+            model.step(DT * k, 0.0, 0.01, 0.0)
+        model.configure(CancellationConfig(entry_time=1.0))
+        for k in range(50, 80):
+            model.step(DT * k, 0.0, 0.01, 0.0)
+    other = first.continued(CancellationConfig(entry_time=1.0, effect_limit=40.0))
+    assert other.step(0.08, 0.0, 0.01, 0.0) == pytest.approx(never.step(0.08, 0.0, 0.01, 0.0) - 10.0), "bristles and shares go on"
+    assert first.config.effect_limit == 1e12

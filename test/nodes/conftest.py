@@ -5,21 +5,18 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
+from nursery import ROOT, Child, Nursery
 
 import tcs_friction.nodes  # noqa: F401 - says how messages travel, before anything of ROS is made
 from benchmarks.listening import Listening, Report, wait_until
 
-__all__ = ["short_runs", "wait_until"]
-
-ROOT = Path(__file__).resolve().parents[2]
-
+__all__ = ["ROOT", "short_runs", "wait_until"]
 
 @pytest.fixture(autouse=True)
 def domain(ros_domain: None) -> None:
@@ -131,9 +128,10 @@ def short_runs(folder: Path) -> tuple[Path, Path]:
 class Processes:
     """Nodes as a user starts them by hand, each a real process."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, nursery: Nursery) -> None:
         self._folder = folder
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._nursery = nursery
+        self._processes: dict[str, Child] = {}
 
     def start(self, name: str, *arguments: str, label: str = "") -> None:
         """Start a node; a second one of the same name needs a label."""
@@ -145,13 +143,7 @@ class Processes:
         self._run("graph", "graph", *([] if one else ["--processes"]), *options, "--ros-args", *arguments)
 
     def _run(self, label: str, *words: str) -> None:
-        command = [sys.executable, "-P", "-m", "tcs_friction.cli", *words]
-        log = (self._folder / f"{label}.log").open("ab")
-        env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
-        self._processes[label] = subprocess.Popen(
-            command, stdout=log, stderr=subprocess.STDOUT, env=env, start_new_session=True
-        )
-        log.close()
+        self._processes[label] = self._nursery.start(words, self._folder / f"{label}.log")
 
     def kill(self, name: str) -> None:
         """The hard way."""
@@ -186,19 +178,27 @@ class Processes:
     def close(self) -> None:
         for process in self._processes.values():
             process.send_signal(signal.SIGCONT)
-            process.terminate()
+            process.send_signal(signal.SIGTERM)
         for process in self._processes.values():
             try:
                 process.wait(10.0)
             except subprocess.TimeoutExpired:
-                process.kill()
+                process.send_signal(signal.SIGKILL)
                 process.wait()
 
 
+@pytest.fixture(scope="session")
+def nursery() -> Iterator[Nursery]:
+    """What processes of nodes are forked from."""
+    made = Nursery()
+    yield made
+    made.close()
+
+
 @pytest.fixture
-def processes(tmp_path: Path) -> Iterator[Processes]:
+def processes(tmp_path: Path, nursery: Nursery) -> Iterator[Processes]:
     """Starts and kills nodes in processes of their own; the rest is ended afterwards."""
-    made = Processes(tmp_path)
+    made = Processes(tmp_path, nursery)
     yield made
     made.close()
 

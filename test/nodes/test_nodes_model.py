@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -75,13 +76,38 @@ def test_a_model_and_its_effects_come_and_go_without_a_step(together: Callable[.
     assert asked.set(left_out=[""]) == ""
     assert asked.torques(200)[-1] == pytest.approx(coming[-1])
     assert asked.set(effect_limit=20.0) == ""
-    assert asked.torques(10)[-1] == pytest.approx(before + 20.0, rel=0.02)
+    limited = asked.torques(120)
+    assert limited[-1] == pytest.approx(before + 20.0, rel=0.02)
+    assert np.max(np.abs(np.diff([coming[-1], *limited]))) < 0.6, "30 N m in 100 ticks"
     assert asked.set(effect_limits=["torque_bias=10.0"]) == ""
-    assert asked.torques(10)[-1] == pytest.approx(before + 10.0, rel=0.02), "its own limit instead of that of all"
+    assert asked.torques(120)[-1] == pytest.approx(before + 10.0, rel=0.02), "its own limit instead of that of all"
     assert asked.set(effect_limits=[""], effect_limit=1e12, total_limit=90.0) == ""
-    assert asked.torques(10)[-1] == 90.0
+    assert asked.torques(120)[-1] == 90.0
     assert asked.set(model="", total_limit=500.0) == ""
     assert asked.torques(3000)[-1] == pytest.approx(before, rel=1e-6)
+
+
+def test_a_correction_of_the_encoder_comes_and_goes_without_a_step(together: Callable[..., Any], tmp_path: Path) -> None:
+    """Of the position that controller and observer are given; before the first state it is there at once."""
+    error = {"order": 3000.0, "amplitude": 1e-5, "phase": 0.5}
+    models = [written(tmp_path / f"{k}.yaml", {"encoder_periodic_error": {**error, "amplitude": k * 1e-5}}) for k in (1, 2)]
+    graph = together("-p", "entry_time:=0.1", "-p", f"model:={models[0]}", nodes=("controller", "dob"))
+    for node in (graph["controller"], graph["dob"]):
+
+        def positions(ticks: int, node: Any = node) -> list[float]:
+            return [node._motion.at(0.0, 0.0)[0] for _ in range(ticks)]
+
+        there = positions(2)
+        assert there[0] == there[1] == pytest.approx(-1e-5 * math.sin(0.5), rel=0.05)
+        for model, wanted in ((models[1], 2.0 * there[0]), ("", 0.0), (models[0], there[0])):
+            assert node.set_parameters_atomically([Parameter("model", value=model)]).successful
+            passed = positions(120)
+            assert np.max(np.abs(np.diff([there[-1], *passed]))) < 2.2e-7, "1e-5 rad in 100 ticks"
+            assert passed[-1] == pytest.approx(wanted, rel=0.1, abs=1e-12)
+            there = passed
+        node._motion.reset()
+        assert node.set_parameters_atomically([Parameter("model", value="")]).successful
+        assert positions(1) == [0.0], "a new run begins with it"
 
 
 @pytest.mark.parametrize(
@@ -122,7 +148,7 @@ def test_a_model_is_refused_for_another_axis_and_the_one_in_use_goes_on(together
     reason = asked.set(axis=written(tmp_path / "altitude.yaml", {}, name="altitude"), model=model)
     assert "of another joint, expected one of joint altitude" in reason
     assert "of another joint" in asked.set(model=written(tmp_path / "other.yaml", {}, name="altitude"))
-    assert asked.set(effect_limit=20.0) == ""
+    assert asked.set(entry_time=0.2) == ""
     assert asked.node._model is in_use
 
 
