@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -24,6 +25,10 @@ METADATA = "metadata.yaml"
 GLOB = "*?["
 TAGS = ("ETag", "etag", "md5Hash", "content_md5")
 """What stores call the mark that changes with an object's content."""
+
+OF_CONTENT = re.compile(r'"?[0-9a-fA-F]{32}(-\d+)?"?|[A-Za-z0-9+/]{22}==')
+"""Marks that are made of the content: MD5, hexadecimal (of S3, in parts or not) or in base64. Others, as of most web servers,
+tell the versions of one file apart, and may be equal for two files."""
 
 BLOCK = 1 << 22
 
@@ -65,7 +70,7 @@ class Found:
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def hash(self) -> str:
-        """sha256 of the bytes. Where a store has a mark of a file's content, that stands for it, and nothing is fetched."""
+        """sha256 of the bytes. Where a store has a mark of a file's content, that stands for them, and nothing is fetched."""
         if len(self.files) == 1 and not self.folder:
             return _content(self, self.files[0])
         parts = [f"{PurePosixPath(file.path).name} {_content(self, file)}" for file in self.files]
@@ -79,7 +84,8 @@ def filesystem(protocol: str) -> Any:
 
 def _content(found: Found, file: StoredFile) -> str:
     if file.tag:
-        return hashlib.sha256(f"{file.tag} {file.size}".encode()).hexdigest()
+        where = "" if OF_CONTENT.fullmatch(file.tag) else f" {file.path}"
+        return hashlib.sha256(f"{file.tag} {file.size}{where}".encode()).hexdigest()
     digest = hashlib.sha256()
     with filesystem(found.protocol).open(file.path, "rb", cache_type="readahead") as stream:
         while block := stream.read(BLOCK):
