@@ -31,6 +31,7 @@ OF_CONTENT = re.compile(r'"?[0-9a-fA-F]{32}(-\d+)?"?|[A-Za-z0-9+/]{22}==')
 tell the versions of one file apart, and may be equal for two files."""
 
 BLOCK = 1 << 22
+MOST_DIGITS = 5  # of the number of a storage file
 
 
 @dataclass(frozen=True)
@@ -187,5 +188,6 @@ def _suffix(path: str) -> str:
 def _is_part(path: str) -> bool:
     """Whether a file is one that rosbag2 writes into the folder in which it lies."""
     pure = PurePosixPath(path)
-    stem = pure.name.partition(".")[0]
-    return stem.rpartition("_")[0] == pure.parent.name and stem.rpartition("_")[2].isdigit()
+    name, _, number = pure.name.partition(".")[0].rpartition("_")
+    counted = len(number) <= MOST_DIGITS and number.isdecimal() and number == str(int(number))  # others are dates, or a user's
+    return counted and name == pure.parent.name and _suffix(path) != ".bag"

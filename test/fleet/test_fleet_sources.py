@@ -39,6 +39,16 @@ def test_folders_files_and_tables_are_found_and_results_are_not(tmp_path: Path) 
     assert names(find([f"{tmp_path}/t*", f"{tmp_path}/two"]), tmp_path) == ["table.csv", "two"]
 
 
+def test_files_that_are_called_after_their_folder_are_parts_only_if_rosbag2_numbers_so(tmp_path: Path) -> None:
+    (tmp_path / "az").mkdir()
+    parts, alone = ["az_0.mcap", "az_12.mcap"], ["az_20250101.mcap", "az_007.mcap", "az_3.bag"]
+    for name in (*parts, *alone):
+        (tmp_path / "az" / name).write_bytes(b"x")
+    found = find([str(tmp_path)])
+    assert names(found, tmp_path) == ["az", *(f"az/{name}" for name in sorted(alone))]
+    assert [Path(file.path).name for file in found[0].files] == parts
+
+
 def test_nothing_found_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no recordings, expected bags"):
         find([str(tmp_path)])
