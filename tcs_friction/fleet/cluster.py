@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import dask
 from distributed import Client, LocalCluster
+from distributed.comm import get_address_host_port
 
 from tcs_friction.errors import InputError, JobError
 
@@ -54,6 +55,7 @@ def workers_of(address: str) -> Iterator[Client]:
     _quiet()
     with dask.config.set({**SETTINGS, "distributed.comm.timeouts.connect": REACHABLE}):
         try:
+            get_address_host_port(address)  # a client that gives up half made complains once more when it is collected
             client = Client(address, timeout=REACHABLE, set_as_default=False)
         except ValueError as error:
             raise InputError("--scheduler", f"{address!r} ({error})", "an address such as tcp://host:8786") from None

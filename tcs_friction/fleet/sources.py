@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -25,7 +26,12 @@ GLOB = "*?["
 TAGS = ("ETag", "etag", "md5Hash", "content_md5")
 """What stores call the mark that changes with an object's content."""
 
+OF_CONTENT = re.compile(r'"?[0-9a-fA-F]{32}(-\d+)?"?|[A-Za-z0-9+/]{22}==')
+"""Marks that are made of the content: MD5, hexadecimal (of S3, in parts or not) or in base64. Others, as of most web servers,
+tell the versions of one file apart, and may be equal for two files."""
+
 BLOCK = 1 << 22
+MOST_DIGITS = 5  # of the number of a storage file
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ class Found:
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def hash(self) -> str:
-        """sha256 of the bytes. Where a store has a mark of a file's content, that stands for it, and nothing is fetched."""
+        """sha256 of the bytes. Where a store has a mark of a file's content, that stands for them, and nothing is fetched."""
         if len(self.files) == 1 and not self.folder:
             return _content(self, self.files[0])
         parts = [f"{PurePosixPath(file.path).name} {_content(self, file)}" for file in self.files]
@@ -79,7 +85,8 @@ def filesystem(protocol: str) -> Any:
 
 def _content(found: Found, file: StoredFile) -> str:
     if file.tag:
-        return hashlib.sha256(f"{file.tag} {file.size}".encode()).hexdigest()
+        where = "" if OF_CONTENT.fullmatch(file.tag) else f" {file.path}"
+        return hashlib.sha256(f"{file.tag} {file.size}{where}".encode()).hexdigest()
     digest = hashlib.sha256()
     with filesystem(found.protocol).open(file.path, "rb", cache_type="readahead") as stream:
         while block := stream.read(BLOCK):
@@ -181,5 +188,6 @@ def _suffix(path: str) -> str:
 def _is_part(path: str) -> bool:
     """Whether a file is one that rosbag2 writes into the folder in which it lies."""
     pure = PurePosixPath(path)
-    stem = pure.name.partition(".")[0]
-    return stem.rpartition("_")[0] == pure.parent.name and stem.rpartition("_")[2].isdigit()
+    name, _, number = pure.name.partition(".")[0].rpartition("_")
+    counted = len(number) <= MOST_DIGITS and number.isdecimal() and number == str(int(number))  # others are dates, or a user's
+    return counted and name == pure.parent.name and _suffix(path) != ".bag"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,11 +50,20 @@ class Difference:
     p_value: float
 
 
-def standings(parameter: str, unit: str, levels: Mapping[str, tuple[float, float]]) -> list[Standing]:
-    """Each axis against all others. levels: axis -> value and standard deviation now."""
+def standings(
+    parameter: str, unit: str, levels: Mapping[str, tuple[float, float]], changed: Collection[str] = ()
+) -> list[Standing]:
+    """Each axis against the others. levels: axis -> value and standard deviation now.
+
+    changed: axes on which the parameter changed. The others are compared without them as long as FEWEST are left: what happened
+    to one axis is no spread between axes.
+    """
     found = []
     for axis, (value, std) in sorted(levels.items()):
-        others = np.array([levels[name] for name in sorted(levels) if name != axis]).reshape(-1, 2)
+        every = [name for name in sorted(levels) if name != axis]
+        steady = [name for name in every if name not in changed]
+        taken = steady if len(steady) >= FEWEST else every
+        others = np.array([levels[name] for name in taken]).reshape(-1, 2)
         if len(others) < FEWEST:
             nan = math.nan
             found.append(Standing(axis, parameter, unit, value, std, nan, nan, nan, nan, nan))

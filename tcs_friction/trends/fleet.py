@@ -12,7 +12,7 @@ from tcs_friction.physics.parameters import Feature, Role
 from tcs_friction.physics.registry import effects as known_effects
 from tcs_friction.trends.changes import Trend, trend_of
 from tcs_friction.trends.compare import Difference, Standing, differences, standings
-from tcs_friction.trends.events import Event, events_of
+from tcs_friction.trends.events import MATTERS, Event, events_of
 from tcs_friction.trends.presence import FEWEST, Presence, effects_named, presences
 from tcs_friction.trends.rows import Array, AxisRows
 from tcs_friction.trends.series import Series, series_of
@@ -185,14 +185,15 @@ def _compared(axes: Sequence[AxisTrend]) -> tuple[dict[str, list[Standing]], lis
             levels = {axis.name: axis.trends[name].now for axis in group if name in axis.trends}
             levels = {axis: now for axis, now in levels.items() if now[1] > 0.0}
             unit = next(axis.trends[name].series.unit for axis in group if name in axis.trends)
-            for one in standings(name, unit, levels):
+            changed = {axis.name for axis in group if name in axis.trends and axis.trends[name].changes}
+            for one in standings(name, unit, levels, changed):
                 beside.setdefault(one.axis, []).append(one)
             different += differences(name, unit, levels)
     return beside, different
 
 
 def _with_standings(axis: AxisTrend, beside: Sequence[Standing]) -> AxisTrend:
-    said = {change.parameter for event in axis.events if event.needs_person for change in event.changes}
+    said = {change.parameter for event in axis.events if event.weight >= MATTERS for change in event.changes}
     strange = [
         one for one in beside if one.p_value < STRANGE / max(len(beside), 1) and one.parameter not in said
     ]

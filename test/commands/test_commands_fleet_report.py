@@ -69,6 +69,20 @@ def test_nothing_to_do_is_status_0(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (tmp_path / "report" / "index.html").is_file()
 
 
+def test_the_largest_difference_is_of_axes_of_one_law(tmp_path: Path) -> None:
+    content = [row for row in rows.as_content(rows.year(1)[0], ["coulomb"]) if row["status"] == "done"][:3]
+
+    def scaled(law: str, by: float) -> list[dict[str, Any]]:
+        return [{**row, "law": law, "parameter_values": [by * value for value in row["parameter_values"]]} for row in content]
+
+    axes = {"a": ("lugre", 1.0), "b": ("lugre", 1.1), "c": ("dahl_viscous", 2.0), "d": ("dahl_viscous", 3.0)}
+    rows.stored(tmp_path, {name: scaled(*one) for name, one in axes.items()})
+    run(str(tmp_path))
+    index = (tmp_path / "report" / "index.html").read_text()
+    assert "10 %, a and b" in index
+    assert "50 %, c and d" in index
+
+
 def test_a_url_is_read_through_fsspec(out: Path, tmp_path: Path) -> None:
     pytest.importorskip("fsspec")
     with pytest.raises(InputError, match="no folder for the pages"):

@@ -241,6 +241,17 @@ def test_bad_input_is_one_line(
     assert len(told.splitlines()) == 1
 
 
+def test_what_is_no_address_leaves_no_client_behind_that_complains(tmp_path: Path) -> None:
+    write_axes(tmp_path, ["a"])
+    write_bag(tmp_path / "bags/one", "a")
+    words = [str(tmp_path / "bags"), "--axes", str(tmp_path / "AXES.yaml"), "-o", str(tmp_path / "out")]
+    process = cli(*words, "--scheduler", "127.0.0.1")
+    _, told = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2
+    assert told.startswith("tcs-friction: --scheduler: '127.0.0.1' (missing port number")
+    assert len(told.splitlines()) == 1
+
+
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
     first, second = Store(str(tmp_path)), Store(str(tmp_path))
     with first.alone(), pytest.raises(InputError, match="another run is writing there"), second.alone():

@@ -13,7 +13,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.fleet.axes import read_axes
 from tcs_friction.fleet.look import look_at
 from tcs_friction.fleet.rows import DONE, FAILED
-from tcs_friction.fleet.sources import Found, find
+from tcs_friction.fleet.sources import Found, StoredFile, find
 from tcs_friction.fleet.work import Task, work
 from tcs_friction.recording.pieces import Span
 from tcs_friction.recording.tables import export_table
@@ -39,6 +39,16 @@ def test_folders_files_and_tables_are_found_and_results_are_not(tmp_path: Path) 
     assert names(find([f"{tmp_path}/t*", f"{tmp_path}/two"]), tmp_path) == ["table.csv", "two"]
 
 
+def test_files_that_are_called_after_their_folder_are_parts_only_if_rosbag2_numbers_so(tmp_path: Path) -> None:
+    (tmp_path / "az").mkdir()
+    parts, alone = ["az_0.mcap", "az_12.mcap"], ["az_20250101.mcap", "az_007.mcap", "az_3.bag"]
+    for name in (*parts, *alone):
+        (tmp_path / "az" / name).write_bytes(b"x")
+    found = find([str(tmp_path)])
+    assert names(found, tmp_path) == ["az", *(f"az/{name}" for name in sorted(alone))]
+    assert [Path(file.path).name for file in found[0].files] == parts
+
+
 def test_nothing_found_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no recordings, expected bags"):
         find([str(tmp_path)])
@@ -58,6 +68,21 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[:-1])
     (second,) = find([str(tmp_path / "b")])
     assert first.hash() != second.hash()
+
+
+@pytest.mark.parametrize(
+    ("mark", "of_content"),
+    [
+        ('"9e107d9d372bb6826bd81d3542a419d6"', True),  # S3
+        ('"9e107d9d372bb6826bd81d3542a419d6-3"', True),  # S3, written in three parts
+        ("nhB9nTcrtoJr2B01QqQZ1g==", True),  # Google's md5Hash
+        ('"6733f1a0-e2d40"', False),  # nginx: time and size
+        ('W/"6733f1a0-e2d40"', False),
+    ],
+)
+def test_a_stores_mark_stands_for_the_hash_of_one_file_or_of_its_copies(mark: str, of_content: bool) -> None:
+    one, other = (Found(name, "http", (StoredFile(name, 9, "", mark),)) for name in ("http://x/a.mcap", "http://x/b.mcap"))
+    assert (one.hash() == other.hash()) is of_content
 
 
 def test_a_recording_belongs_to_the_axis_whose_joint_it_has(tmp_path: Path) -> None:

@@ -192,6 +192,23 @@ def test_an_axis_far_from_its_fleet_is_outside_its_interval() -> None:
     assert new.spread == pytest.approx(np.std(np.arange(6), ddof=1), rel=0.05)
 
 
+def test_an_axis_that_changed_is_no_standard_for_the_others() -> None:
+    levels = {name: (78.0 + 0.3 * k, 0.1) for k, name in enumerate("abcd")} | {"worn": (90.0, 0.1), "new": (100.0, 0.5)}
+    by_axis = {one.axis: one for one in standings("coulomb", "N m", levels, ["worn"])}
+    assert by_axis["new"].p_value < 1e-4 < standings("coulomb", "N m", levels)[4].p_value
+    few = {"a": (78.0, 0.1), "b": (79.0, 0.1), "worn": (90.0, 0.1), "new": (100.0, 0.5)}
+    assert standings("coulomb", "N m", few, ["worn"]) == standings("coulomb", "N m", few)
+
+
+def test_a_change_that_was_dealt_with_is_not_told_as_a_strange_level(unchanged: AxisRows) -> None:
+    rows, day = year(3, "preload")
+    alike = [replace(unchanged, axis=name) for name in "bcde"]
+    fleet = fleet_trend([replace(rows, axis="a"), *alike], day + 60.0)
+    (changed,) = (axis for axis in fleet.axes if axis.name == "a")
+    assert any(one.parameter == "coulomb" and one.p_value < 1e-4 for one in changed.standings)
+    assert not any("Coulomb" in reason for reason in changed.reasons)
+
+
 def test_the_interval_of_the_next_axis_holds_it_as_often_as_it_says() -> None:
     random = np.random.default_rng(11)
     held = 0

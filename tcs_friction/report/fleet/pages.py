@@ -126,8 +126,12 @@ def _axis_numbers(axis: AxisTrend) -> list[Number]:
         Number("recordings", f"{len(rows):,}", span),
         Number("not identified", str(int((~rows.done).sum()))),
         Number("temperature", warm),
-        Number("events", str(len(axis.events)), f"{sum(e.needs_person for e in axis.events)} need a person"),
+        Number("events", str(len(axis.events)), _calling(sum(event.needs_person for event in axis.events))),
     ]
+
+
+def _calling(count: int) -> str:
+    return f"{count} {'needs' if count == 1 else 'need'} a person"
 
 
 def _card(place: int, axis: AxisTrend) -> Html:
@@ -227,7 +231,7 @@ def _levels(fleet: FleetTrend) -> list[Html]:
                 spoken(name, law),
                 *(_level(axis, name) for axis in group),
                 _unit(group, name),
-                _spread(fleet, name),
+                _spread(fleet, name, group),
             ]
             for name in names
         ]
@@ -249,9 +253,12 @@ def _unit(axes: Sequence[AxisTrend], name: str) -> str:
     return next((axis.trends[name].series.unit for axis in axes if name in axis.trends), "")
 
 
-def _spread(fleet: FleetTrend, name: str) -> str:
-    """The pair that differs most, where that is no chance."""
-    pairs = [one for one in fleet.differences if one.parameter == name and one.p_value < 1e-3]
+def _spread(fleet: FleetTrend, name: str, axes: Sequence[AxisTrend]) -> str:
+    """The pair of these axes that differs most, where that is no chance."""
+    names = {axis.name for axis in axes}
+    pairs = [
+        one for one in fleet.differences if one.parameter == name and one.first in names and one.p_value < 1e-3
+    ]
     if not pairs:
         return "none"
     most = max(pairs, key=lambda one: abs(one.value))
