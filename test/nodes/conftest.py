@@ -143,7 +143,9 @@ class Processes:
         self._run("graph", "graph", *([] if one else ["--processes"]), *options, "--ros-args", *arguments)
 
     def _run(self, label: str, *words: str) -> None:
-        self._processes[label] = self._nursery.start(words, self._folder / f"{label}.log")
+        log = self._folder / f"{label}.log"
+        log.touch()  # it is read before the process has opened it
+        self._processes[label] = self._nursery.start(words, log)
 
     def kill(self, name: str) -> None:
         """The hard way."""

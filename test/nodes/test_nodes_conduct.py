@@ -15,6 +15,7 @@ from tcs_friction_msgs.srv import SetMode
 from test_nodes_commission import CANCELED, act, call, switches
 
 from tcs_friction.control.reference import reference_from_mapping
+from tcs_friction.control.tracking import Improvement
 from tcs_friction.nodes.convert import lugre_message
 from tcs_friction.nodes.graph import GRAPH
 
@@ -75,16 +76,17 @@ def test_what_cannot_be_done_is_said_before_the_first_run(
     assert not stages
 
 
-def test_no_gain_is_no_success_and_everything_is_as_before(
-    together: Callable[..., Any], files: Callable[..., list[str]], tmp_path: Path
+def test_no_proven_gain_is_no_success_and_everything_is_as_before(
+    together: Callable[..., Any], files: Callable[..., list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At 100 Hz this loop is on the verge of instability, and compensated friction changes nothing."""
-    graph = together(*files(period=0.01, switch3="true"), "-p", "positive.coulomb:=60.0", nodes=GRAPH)
+    """Every gain is taken as one that chance may have given."""
+    monkeypatch.setattr(Improvement, "proven", False)
+    graph = together(*files(period=0.004, switch3="true", diagnoses=0), "-p", "positive.coulomb:=60.0", nodes=GRAPH)
     before = graph["lugre_compensator"].config
     ended = commissioned(graph, "night/one")
     assert ended.status == ABORTED
     assert "switches and compensation are as they were before" in ended.result.message
-    assert ended.result.rms_after > 0.8 * ended.result.rms_before > 0.0
+    assert ended.result.rms_before > 0.0
     assert switches(graph) == (False, False, True)
     graph.for_seconds(0.2)  # for what is latched
     assert graph["lugre_compensator"].config == before

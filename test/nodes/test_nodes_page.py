@@ -177,11 +177,16 @@ def test_a_graph_has_its_page_beside_it_and_takes_it_along(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
+
+    def children() -> set[str]:
+        return {child.name for child in Path("/proc").glob("[0-9]*") if parent(child) == os.getpid()}
+
+    others = children()
     with beside(["azimuth_1p2m.yaml"], ["--ros-args", "-p", f"results:={tmp_path}"], port=0):
         assert wait_until(lambda: "http://" in capfd.readouterr().err, 60.0)
-        children = {child.name for child in Path("/proc").glob("[0-9]*") if parent(child) == os.getpid()}
-        assert children
-    assert not {child.name for child in Path("/proc").glob("[0-9]*") if parent(child) == os.getpid()} & children
+        page = children() - others
+        assert page
+    assert not children() & page
 
 
 def parent(process: Path) -> int:
