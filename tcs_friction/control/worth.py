@@ -19,7 +19,7 @@ from tcs_friction.control.model_compensator import CancellationConfig, effect_na
 from tcs_friction.control.observer import ObserverConfig
 from tcs_friction.control.pid import PidConfig
 from tcs_friction.control.reference import Reference
-from tcs_friction.errors import InputError
+from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 
@@ -92,7 +92,7 @@ def worth(
     Raises
     ------
     InputError: a name that is no effect of the axis, a settling time beyond the run, or a model that cannot be cancelled.
-    JobError: the loop is unstable.
+    JobError: the loop is unstable, or follows worse than an axis that stands still.
     """
     if not 0.0 <= task.settle < task.reference.duration:
         raise InputError("settle", f"{task.settle:g} s", f"less than the run's {task.reference.duration:g} s")
@@ -107,6 +107,7 @@ def worth(
         name: np.array([_errors(task, _run(task, axis, model, chosen))[0] for axis in drawn]) for name, chosen in ways.items()
     }
     runs[IDEAL] = _run(task, _without(model, effects), model, ())
+    _follows(task, model, runs[ALL])
     stages = tuple(Stage(name, *_errors(task, run), _between(spread.get(name)), run) for name, run in runs.items())
     return Worth(stages, why, task.settle, float(np.max(np.abs(runs[ALL].compensation))))
 
@@ -125,6 +126,15 @@ def _run(task: Task, axis: Axis, model: Axis, effects: Collection[str] | None) -
         exogenous=task.exogenous,
         cancellation=Cancellation(model, CancellationConfig(left_out=left_out)),
     )
+
+
+def _follows(task: Task, axis: Axis, run: LoopRun) -> None:
+    """Refuse a controller that follows the reference worse than if the axis stood still, though all that can be is cancelled."""
+    rms = _errors(task, run)[0]
+    standing = _errors(task, replace(run, true_position=np.full_like(run.reference, run.reference[0])))[0]
+    if 0.0 < standing < rms:
+        told = f"misses the reference by {rms:.3g} rms with everything cancelled, and by {standing:.3g} if it stood still"
+        raise JobError(f"axis {axis.name}", told, "a controller whose gains suit the delays and lags of the model")
 
 
 def _errors(task: Task, run: LoopRun) -> tuple[float, float]:

@@ -136,6 +136,17 @@ def test_bad_input_is_one_line(
     assert not (tmp_path / "out" / "compensation.json").exists()
 
 
+def test_a_controller_that_cannot_follow_is_refused(
+    tmp_path: Path, reference: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = axis(tmp_path / "axis.yaml", item("transport_delay", {"delay": 0.05}))
+    assert main(["compensate", str(path), "--reference", str(reference), "-o", str(tmp_path / "out")]) == 1
+    error = capsys.readouterr().err
+    assert "misses the reference" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out" / "compensation.json").exists()
+
+
 def test_without_effects_there_is_nothing_to_predict(tmp_path: Path, reference: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = axis(tmp_path / "axis.yaml")
     assert main(["compensate", str(path), "--reference", str(reference), "-o", str(tmp_path / "out")]) == 2

@@ -177,23 +177,26 @@ class _Conclusion:
         return Unexplained(True, torque, {**largest, "coordinates": [largest["coordinate"]]})
 
     def _structure(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
-        """What is left when everything found is taken away, in the data that were fitted or in those held out."""
+        """What is left when everything found is taken away, in the data that were fitted or in those held out.
+
+        The improved model has the structure's map. Where it leaves far more than noise, that belongs to what is left, too.
+        """
         structure, left = self.explanation.structure, max(errors["improved"].train, errors["improved"].held_out)
-        coordinates = structure.coordinates if structure is not None else ("time",)
+        mapped = structure.torque_rms if structure is not None else 0.0
+        beyond = math.sqrt(left**2 - floor**2) if left >= ABOVE_NOISE * floor else 0.0
+        in_map = structure is not None and mapped >= beyond
+        coordinates = structure.coordinates if structure is not None and in_map else ("time",)
         quantisation = self.balance.quantisation_torque(self.explanation.improved.axis)
-        if coordinates == ("time",) and left < ABOVE_NOISE * quantisation:
+        if coordinates == ("time",) and (max(mapped, beyond) == 0.0 or left < ABOVE_NOISE * quantisation):
             return Unexplained()
-        if structure is None and left < ABOVE_NOISE * floor:
-            return Unexplained()
-        torque = structure.torque_rms if structure is not None else math.sqrt(max(left**2 - floor**2, 0.0))
         place = {
             "coordinate": coordinates[0],
             "coordinates": list(coordinates),
             "range": None,
-            "period": structure.period if structure is not None else None,
+            "period": structure.period if structure is not None and in_map else None,
             "frequency": None,
         }
-        return Unexplained(True, torque, place)
+        return Unexplained(True, math.hypot(mapped, beyond), place)
 
     def _experiment(self, found: Sequence[Found], floor: float) -> dict[str, Any] | None:
         """What to record next to tell the first effect that has equivalents from the best of them."""
