@@ -31,6 +31,10 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 LONGEST = (
     "nodes_cancelling",
     "diagnose_recordings",
+    "commands_new",
+    "benchmarks_concealed",
+    "benchmarks_faults",
+    "nodes_conduct",
     "nodes_ros2_control",
     "diagnose_pipeline",
     "live_browser",

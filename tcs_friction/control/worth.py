@@ -103,11 +103,11 @@ def worth(
     ways[ALL] = effects
     drawn = _draws(model, deviations, draws, task.seed)
     runs = {name: _run(task, model, model, chosen) for name, chosen in ways.items()}
+    _follows(task, model, runs[ALL])
     spread = {
         name: np.array([_errors(task, _run(task, axis, model, chosen))[0] for axis in drawn]) for name, chosen in ways.items()
     }
     runs[IDEAL] = _run(task, _without(model, effects), model, ())
-    _follows(task, model, runs[ALL])
     stages = tuple(Stage(name, *_errors(task, run), _between(spread.get(name)), run) for name, run in runs.items())
     return Worth(stages, why, task.settle, float(np.max(np.abs(runs[ALL].compensation))))
 

@@ -11,7 +11,7 @@ from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import IdentifyOptions, identify
 from tcs_friction.identify.motion import Data
 from tcs_friction.identify.pso_ga import Generation
-from tcs_friction.identify.result import Identification
+from tcs_friction.identify.result import Identification, finite
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import laws
 
@@ -49,7 +49,7 @@ class Comparison:
         return [
             {
                 "law": row.law,
-                "rmse": {"train": _number(row.train), "held_out": _number(row.held_out)},
+                "rmse": {"train": finite(row.train), "held_out": finite(row.held_out)},
                 "parameters": row.parameters,
                 "bic": row.bic,
                 "seconds": row.seconds,
@@ -85,10 +85,6 @@ def compare_laws(
     rows = sorted((_row(item) for item in found.values()), key=lambda row: (math.isnan(row.held_out), row.held_out))
     left_out = {name: str(error) for name, error in failed.items()}
     return Comparison(tuple(rows), {row.law: found[row.law] for row in rows}, left_out)
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _row(item: Identification) -> Row:

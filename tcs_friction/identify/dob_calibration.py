@@ -18,6 +18,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from tcs_friction.control.observer import Array, FrictionObserver, NominalPlant
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.errors import InputError
+from tcs_friction.identify.result import finite
 from tcs_friction.recording.recording import Recording
 
 DYNAMOMETER = "dynamometer"
@@ -92,10 +93,10 @@ class Calibration:
             "torque_scale": {"value": self.observer.torque_scale, "std": self.scale_std, "unit": "1"},
             "torque_offset": {
                 "value": self.observer.torque_offset,
-                "std": _finite(self.offset_std),
+                "std": finite(self.offset_std),
                 "unit": "N m",
             },
-            "inertia": {"value": plant.first, "std": _finite(self.inertia_std), "unit": "kg m^2"},
+            "inertia": {"value": plant.first, "std": finite(self.inertia_std), "unit": "kg m^2"},
             "dynamometer_delay": self.dynamometer_delay,
             "accuracy": {
                 "before": self.accuracy_before,
@@ -136,8 +137,6 @@ def comparisons_of(recording: Recording) -> list[Comparison]:
     return found
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def uniform_motion(t: Array, velocity: Array, seconds: float = 0.5, tolerance: float = 0.05) -> np.ndarray:

@@ -21,15 +21,10 @@ from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.uncertainty import independent_samples
 
 DROP = "stribeck_velocity"
-DROPS, STEPS, GAIN = (
-    3,
-    8,
-    1e-4,
-)  # other Stribeck velocities; steps of each fit, and the relative gain that ends it
-BEYOND, DROPPED = (
-    10.0,
-    0.5,
-)  # times the top speed, up to which they lie; Coulomb over static torque, to start with
+DROPS = 3  # other Stribeck velocities that are tried
+BEYOND = 10.0  # times the top speed, up to which they lie
+DROPPED = 0.5  # times the Coulomb torque found, where their fits start
+STEPS, GAIN = 8, 1e-4  # of each of these fits, and the relative gain that ends it
 CHI_95 = 3.84  # 95 % quantile of chi squared with one degree of freedom
 LEAST_PART = 0.1  # of a variance: an unknown that has less of it is not worth a word
 
@@ -110,20 +105,11 @@ def _other_drops(
     upper[drop] = BEYOND * speeds.max()
     space = replace(space, upper=upper).holding(np.arange(len(upper)) == drop)
     start[problem.names.index("coulomb")] *= DROPPED
+    observed = problem.target, problem.weights
     ends, evaluations = [], 0
     for velocity in np.geomspace(np.quantile(speeds, 0.02), upper[drop], DROPS):
         start[drop] = velocity
-        end = refine(
-            problem.linearised,
-            problem.torque,
-            problem.target,
-            problem.weights,
-            start,
-            space,
-            loss,
-            STEPS,
-            GAIN,
-        )
+        end = refine(problem.linearised, problem.torque, *observed, start, space, loss, STEPS, GAIN)
         evaluations += end.evaluations
         ends.append(end)
     worst = min(found.cost, *(end.cost for end in ends)) * math.exp(CHI_95 / independent)

@@ -31,15 +31,16 @@ class Estimate:
 
     def to_mapping(self) -> dict[str, Any]:
         return {
-            "value": _number(self.value) if self.determined else None,
-            "std": _number(self.std) if self.determined else None,
+            "value": finite(self.value) if self.determined else None,
+            "std": finite(self.std) if self.determined else None,
             "unit": self.unit,
             "determined": self.determined,
             "reason": self.reason,
         }
 
 
-def _number(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """A number as JSON can have it: None for NaN and infinity."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -141,14 +142,14 @@ class Identification:
                 way: {name: item.to_mapping() for name, item in found.items()}
                 for way, found in self.directions.items()
             },
-            "rmse": {"train": _number(self.rmse.train), "held_out": _number(self.rmse.held_out)},
-            "noise_floor": _number(self.noise_floor),
-            "cost": _number(self.cost),
+            "rmse": {"train": finite(self.rmse.train), "held_out": finite(self.rmse.held_out)},
+            "noise_floor": finite(self.noise_floor),
+            "cost": finite(self.cost),
             "evaluations": self.evaluations,
             "seconds": self.seconds,
             "seed": self.seed,
             "outcome": self.outcome.value,
-            "cramer_rao": {name: _number(value) for name, value in self.bound.items()},
+            "cramer_rao": {name: finite(value) for name, value in self.bound.items()},
             "correlation": {
                 "names": list(names),
                 "matrix": [[round(float(x), 6) for x in row] for row in matrix],

@@ -39,7 +39,6 @@ LOOK = 50  # judged blocks between two looks at the evidence
 OUTSIDE = 0.02  # of the travel learned, by which a position may lie outside
 FASTER = 1.1  # times the fastest speed learned
 
-
 ENDS = np.cumsum([1, len(DIRECTIONS), SPEED_BANDS + 1, 2 * BINS, PHASES * ORDERS])
 """Where the tests of each linear coordinate end."""
 

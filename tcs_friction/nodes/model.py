@@ -22,6 +22,7 @@ class ModelConfig(SwitchConfig):
 
     model: str = text("", "axis file whose effects are cancelled as far as they can be; none: friction by the LuGre parameters")
 
+
 Motion = tuple[float, float]
 """Position (rad) and speed (rad/s)."""
 

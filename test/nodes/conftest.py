@@ -18,6 +18,7 @@ from benchmarks.listening import Listening, Report, wait_until
 
 __all__ = ["ROOT", "short_runs", "wait_until"]
 
+
 @pytest.fixture(autouse=True)
 def domain(ros_domain: None) -> None:
     """Every test here."""
