@@ -1,7 +1,7 @@
 """References: where the axis should be at time t, with the exact first and second derivative.
 
-A reference is a frozen configuration of one of the `KINDS`. `Reference` evaluates it for one instant (a
-node's tick) or for an array of instants with the same compiled formula.
+A reference is a frozen configuration of one of the `KINDS`, and may be shaped so that it leaves a flexible mode at rest.
+`Reference` evaluates it for one instant (a node's tick) or for an array of instants with the same compiled formula.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcs_friction.control import reference_kernels as kernels
 from tcs_friction.control.config_field import choice, from_mapping, setting, validate
+from tcs_friction.control.shaper import NONE, Shaper
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.yaml_files import load_yaml
 
@@ -216,33 +217,42 @@ def validate_reference(config: ReferenceConfig, where: str = "reference") -> Non
         )
 
 
-class Reference:
-    """A reference that can be evaluated. Raises InputError if its configuration is bad."""
+UNSHAPED = Shaper(NONE)
 
-    def __init__(self, config: ReferenceConfig) -> None:
+
+class Reference:
+    """A reference that can be evaluated, shaped or as it is. Raises InputError if a configuration is bad."""
+
+    def __init__(self, config: ReferenceConfig, shaper: Shaper = UNSHAPED) -> None:
         validate_reference(config)
-        self.config = config
+        validate(shaper, "shaper")
+        self.config, self.shaper = config, shaper
         self._code = _CODES[type(config)]
         self._parameters = np.array(config.packed(), dtype=np.float64)
+        self._impulses = shaper.impulses()
 
     @property
     def duration(self) -> float:
-        """Length of the run (s)."""
+        """Length of the run (s); a shaped reference is late within it."""
         return self.config.duration
+
+    def shaped_unless(self, shaper: Shaper) -> Reference:
+        """This reference if it has a shaper, or else with this one."""
+        return self if self.shaper.kind != NONE else Reference(self.config, shaper)
 
     def at(self, t: float) -> tuple[float, float, float]:
         """Position (rad), speed (rad/s) and acceleration (rad/s^2) at time t (s)."""
-        sample: tuple[float, float, float] = kernels.sample(self._code, self._parameters, t)
+        sample: tuple[float, float, float] = kernels.shaped(self._code, self._parameters, self._impulses, t)
         return sample
 
     def over(self, times: ArrayLike) -> NDArray[np.float64]:
         """Shape (n, 3): position, speed, acceleration at each of n times (s)."""
         instants = np.ascontiguousarray(times, dtype=np.float64)
-        samples: NDArray[np.float64] = kernels.sample_all(self._code, self._parameters, instants)
+        samples: NDArray[np.float64] = kernels.shaped_all(self._code, self._parameters, self._impulses, instants)
         return samples
 
 
-def reference_from_mapping(mapping: Mapping[str, object], where: str) -> Reference:
+def reference_from_mapping(mapping: Mapping[str, object], where: str, shaper: Shaper = UNSHAPED) -> Reference:
     """A reference from `{kind: sinusoid, amplitude: ...}`.
 
     Raises InputError for a missing or unknown kind, an unknown key (naming the nearest) and any bad value.
@@ -255,15 +265,19 @@ def reference_from_mapping(mapping: Mapping[str, object], where: str) -> Referen
         raise InputError(where, f"unknown kind {kind!r}", nearest(str(kind), list(KINDS)))
     config: ReferenceConfig = from_mapping(KINDS[str(kind)], values, where)
     validate_reference(config, where)
-    return Reference(config)
+    return Reference(config, shaper)
 
 
 def load_reference(path: Path) -> Reference:
-    """A reference from a YAML file `reference: {kind: ..., ...}`; raises InputError naming file and key."""
+    """A reference from a YAML file `reference: {kind: ..., ...}`, with `shaper: {kind: zvd, ...}` beside it for a shaped one.
+
+    Raises InputError naming file and key.
+    """
     document = load_yaml(path, "a reference file")
     if not isinstance(document.get("reference"), dict):
         raise InputError(str(path), "no mapping named reference", "reference: {kind: ...}")
     for key in document:
-        if key != "reference":
-            raise InputError(str(path), f"unknown key {key!r}", "reference")
-    return reference_from_mapping(document["reference"], f"{path} reference")
+        if key not in ("reference", "shaper"):
+            raise InputError(str(path), f"unknown key {key!r}", "reference or shaper")
+    shaper = from_mapping(Shaper, document.get("shaper", {}), f"{path} shaper")
+    return reference_from_mapping(document["reference"], f"{path} reference", shaper)

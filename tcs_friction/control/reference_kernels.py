@@ -211,10 +211,30 @@ def sample(code: int, parameters: Array, t: float) -> Sample:
     return result
 
 
-@njit("f8[:, ::1](i8, f8[::1], f8[::1])", cache=True)
-def sample_all(code: int, parameters: Array, times: Array) -> Array:
-    """Shape (n, 3): `sample` at each time."""
+@njit("UniTuple(f8, 3)(i8, f8[::1], f8[:, ::1], f8)", cache=True)
+def shaped(code: int, parameters: Array, impulses: Array, t: float) -> Sample:
+    """`sample`, shaped by impulses (n, 2) of weight and delay (s); before time 0 a shaped reference rests where it begins."""
+    if impulses.shape[0] == 0:
+        plain: Sample = sample(code, parameters, t)
+        return plain
+    position = velocity = acceleration = 0.0
+    begin = sample(code, parameters, 0.0)[0]
+    for i in range(impulses.shape[0]):
+        weight, since = impulses[i, 0], t - impulses[i, 1]
+        if since < 0.0:
+            position += weight * begin
+        else:
+            at = sample(code, parameters, since)
+            position += weight * at[0]
+            velocity += weight * at[1]
+            acceleration += weight * at[2]
+    return position, velocity, acceleration
+
+
+@njit("f8[:, ::1](i8, f8[::1], f8[:, ::1], f8[::1])", cache=True)
+def shaped_all(code: int, parameters: Array, impulses: Array, times: Array) -> Array:
+    """Shape (n, 3): `shaped` at each time."""
     samples = np.empty((times.size, 3))
     for i in range(times.size):
-        samples[i] = sample(code, parameters, times[i])
+        samples[i] = shaped(code, parameters, impulses, times[i])
     return samples

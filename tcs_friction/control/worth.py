@@ -19,6 +19,7 @@ from tcs_friction.control.model_compensator import CancellationConfig, effect_na
 from tcs_friction.control.observer import ObserverConfig
 from tcs_friction.control.pid import PidConfig
 from tcs_friction.control.reference import Reference
+from tcs_friction.control.shaper import NONE, ZVD, Shaper, swing
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
@@ -45,16 +46,30 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Shaping:
+    """What a shaped reference is worth to a body behind a spring, which the encoder does not see.
+
+    swing, shaped: rms and peak (rad, m) of its deflection from the shaft on the run as it is and on the shaped one.
+    """
+
+    effect: str
+    shaper: Shaper
+    swing: tuple[float, float]
+    shaped: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Worth:
     """The stages in the order nothing, law, each effect beside it, everything, ideal; why other effects are not cancelled.
 
-    settle: s at the start of the run that do not count. torque: largest compensation, N m.
+    settle: s at the start of the run that do not count. torque: largest compensation, N m. shaping: of each effect that swings.
     """
 
     stages: tuple[Stage, ...]
     not_cancelled: Mapping[str, str]
     settle: float
     torque: float
+    shaping: tuple[Shaping, ...] = ()
 
     def stage(self, name: str) -> Stage:
         """The stage of that name."""
@@ -109,7 +124,27 @@ def worth(
     }
     runs[IDEAL] = _run(task, _without(model, effects), model, ())
     stages = tuple(Stage(name, *_errors(task, run), _between(spread.get(name)), run) for name, run in runs.items())
-    return Worth(stages, why, task.settle, float(np.max(np.abs(runs[ALL].compensation))))
+    shaping = _shaping(task, model, effects, runs[ALL])
+    return Worth(stages, why, task.settle, float(np.max(np.abs(runs[ALL].compensation))), shaping)
+
+
+def _shaping(task: Task, model: Axis, effects: Sequence[str], run: LoopRun) -> tuple[Shaping, ...]:
+    """For each body behind a spring: how it swings on this run, and on one whose reference does not excite it."""
+    found = []
+    for name, item in effect_names(model).items():
+        if item.term.rings is None or task.reference.shaper.kind != NONE:
+            continue
+        shaper = Shaper(ZVD, *item.term.rings(item.values))
+        shaped = _run(replace(task, reference=task.reference.shaped_unless(shaper)), model, model, effects)
+        before, after = (_swing(task, one, shaper) for one in (run, shaped))
+        found.append(Shaping(name, shaper, before, after))
+    return tuple(found)
+
+
+def _swing(task: Task, run: LoopRun, shaper: Shaper) -> tuple[float, float]:
+    """Rms and peak of the deflection after settling."""
+    deflection = swing(run.true_position, float(run.t[1] - run.t[0]), shaper.frequency, shaper.damping)[run.t >= task.settle]
+    return float(np.sqrt(np.mean(deflection**2))), float(np.max(np.abs(deflection)))
 
 
 def _run(task: Task, axis: Axis, model: Axis, effects: Collection[str] | None) -> LoopRun:

@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 from rclpy.action import ActionClient
+from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 from rclpy.task import Future
 from tcs_friction_msgs.action import Commission as CommissionAction
 
@@ -67,8 +68,8 @@ def commission(
     words += graph.mujoco_arguments(*mujoco) if mujoco else []
     arguments = graph.arguments_for(axis, reference, [*words, "--log-level", "warn"])
     children = graph.start_processes(arguments, names) if processes else {}
-    rclpy.init(args=["demo", *arguments])
     with _ended(children):
+        rclpy.init(args=["demo", *arguments])
         return _commissioned(() if processes else names, directory, children, tell)
 
 
@@ -97,10 +98,13 @@ def _commissioned(
 
 @contextlib.contextmanager
 def _ended(children: Mapping[str, BaseProcess]) -> Iterator[None]:
+    """ROS and the processes end with it; what is logged by default is the process' own again, rclpy would keep the demo's."""
+    level = LoggingSeverity(get_logger_level(""))
     try:
         yield
     finally:
         rclpy.try_shutdown()
+        set_logger_level("", level)
         graph.end_processes(children)
 
 

@@ -13,6 +13,7 @@ from tcs_friction.control import reference as core
 from tcs_friction.control.config_field import choice, switch, text
 from tcs_friction.control.joining import JoinedReference, Phase, check_programme
 from tcs_friction.control.plausible import MotionLimits, Ranges, motion_limits, ranges
+from tcs_friction.control.shaper import Shaper
 from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, Step
 from tcs_friction.errors import TcsError
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived
@@ -26,7 +27,10 @@ from tcs_friction.nodes.wire import REFERENCE
 
 @dataclass(frozen=True)
 class ReferenceConfig(MotionLimits, Ranges, ClockConfig):
-    """Which reference, and how it may move the axis; `reference_file` wins over `kind` while it is set."""
+    """Which reference, and how it may move the axis.
+
+    While it is set, `reference_file` wins over `kind`; so does a shaper in that file over `shaper`.
+    """
 
     reference_file: str = text("", "reference file, a path or a name in the package's config folder; empty for `kind`")
     begin_at_once: bool = switch(
@@ -42,13 +46,14 @@ class ReferenceConfig(MotionLimits, Ranges, ClockConfig):
     legs: core.Legs = field(default_factory=core.Legs)
     satellite_pass: core.SatellitePass = field(default_factory=core.SatellitePass)
     sidereal_track: core.SiderealTrack = field(default_factory=core.SiderealTrack)
+    shaper: Shaper = field(default_factory=Shaper)
 
 
 def chosen(config: ReferenceConfig) -> core.Reference:
     """The reference that a configuration means; raises InputError when that cannot be."""
     if config.reference_file:
-        return reference_file(config.reference_file)
-    return core.Reference(getattr(config, config.kind))
+        return reference_file(config.reference_file).shaped_unless(config.shaper)
+    return core.Reference(getattr(config, config.kind), config.shaper)
 
 
 def defaults(file: AxisFile) -> ReferenceConfig:
@@ -60,7 +65,7 @@ def defaults(file: AxisFile) -> ReferenceConfig:
 
 def programme_of(config: ReferenceConfig) -> tuple[object, ...]:
     """What makes two configurations mean the same reference."""
-    return config.reference_file, config.kind, getattr(config, config.kind)
+    return config.reference_file, config.kind, getattr(config, config.kind), config.shaper
 
 
 class ReferenceNode(AxisNode[ReferenceConfig]):

@@ -16,6 +16,7 @@ from tcs_friction.physics.declarations import (
     Orders,
     Place,
     Rate,
+    Rings,
     Scan,
     Transfer,
     Values,
@@ -94,6 +95,8 @@ class Term:
     inverse: of another DRIVE term: a kernel with the same parameters and states that returns the command for which the term
     gives motion[TORQUE]. A DRIVE term without one is not cancelled.
     uncancelled: why it cannot be cancelled safely, in words, or nothing.
+    rings: of a BODY behind a spring: frequency (Hz) and damping ratio, from its values, of its oscillation while the shaft keeps
+    to its reference. No torque stops that; a shaped reference does not excite it.
 
     How it is told and drawn
     ------------------------
@@ -139,6 +142,7 @@ class Term:
     implausible: Implausible = always_plausible
     inverse: Kernel | None = None
     uncancelled: str = ""
+    rings: Rings | None = None
 
     def __post_init__(self) -> None:
         where = f"term {self.id}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from tcs_friction.report.plot import Curve, Panel, Plot, Scale
 from tcs_friction.report.plot_picture import drawn_plot
 
 SCHEMA = "tcs_friction/compensation/1"
+GAINED = 0.9
+"""Share of its largest swing to which a body must come down before a shaped reference is advised."""
 
 
 def unit_of_error(axis: Axis) -> tuple[float, str]:
@@ -45,6 +48,16 @@ def to_mapping(found: Worth, axis: Axis) -> dict[str, Any]:
             for stage in found.stages
         ],
         "not_cancelled": dict(found.not_cancelled),
+        "shaping": [
+            {
+                "effect": one.effect,
+                "shaper": asdict(one.shaper),
+                "delay": one.shaper.delay,
+                "swing": dict(zip(("rms", "peak"), (value / scale for value in one.swing), strict=True)),
+                "swing_shaped": dict(zip(("rms", "peak"), (value / scale for value in one.shaped), strict=True)),
+            }
+            for one in found.shaping
+        ],
     }
 
 
@@ -74,11 +87,27 @@ def _words(stage: Stage) -> str:
     return names.get(stage.name, f"law and {stage.name.replace('_', ' ')}")
 
 
+def shaping(found: Worth, axis: Axis) -> list[str]:
+    """What a shaped reference is worth, a line for each body behind a spring; the encoder does not see how that swings."""
+    scale, unit = unit_of_error(axis)
+    lines = []
+    for one in found.shaping:
+        (rms, peak), (shaped_rms, shaped_peak), shaper = one.swing, one.shaped, one.shaper
+        words = f"the body behind {one.effect.replace('_', ' ')} swings {rms / scale:.3g} {unit} rms, at most {peak / scale:.3g}"
+        if shaped_peak > GAINED * peak:
+            lines.append(f"{words}; a shaped reference would hardly change that")
+            continue
+        block = f"shaper: {{kind: {shaper.kind}, frequency: {shaper.frequency:.4g}, damping: {shaper.damping:.3g}}}"
+        less = f"{shaped_rms / scale:.3g} rms, at most {shaped_peak / scale:.3g}"
+        lines.append(f"{words}; with `{block}` in the reference file {less}, {1e3 * shaper.delay:.3g} ms later")
+    return lines
+
+
 def text_table(found: Worth, axis: Axis) -> str:
     """The rows for a terminal."""
     head = ["cancelled", f"rms ({unit_of_error(axis)[1]})", "5 to 95 %", "largest"]
     hindered = (f"not cancelled: {name}, {why}" for name, why in found.not_cancelled.items())
-    return "\n".join([*aligned([head, *rows(found, axis)]), *hindered])
+    return "\n".join([*aligned([head, *rows(found, axis)]), *hindered, *shaping(found, axis)])
 
 
 def write_report(directory: Path, found: Worth, axis: Axis, reference: str, notes: Sequence[str] = ()) -> Path:
@@ -105,6 +134,7 @@ def write_report(directory: Path, found: Worth, axis: Axis, reference: str, note
         section("Tracking error", picture(over_time)),
         section("Each effect by itself", table(head, rows(found, axis), caption)),
         *hindered,
+        *([section("What the encoder does not see", *shaping(found, axis))] if found.shaping else []),
         *([section("Notes", *notes)] if notes else []),
         remark=f"predicted on {reference}; the axis is simulated as its file describes it",
     )

@@ -98,6 +98,30 @@ def test_a_diagnosis_says_what_is_cancelled_and_how_sure_it_is(
     assert again == found, "draws have a seed"
 
 
+MODE = {"frequency": 9.0, "damping": 0.01, "inertia_ratio": 0.3}
+
+
+def test_a_shaped_reference_is_advised_where_a_flexible_mode_is_excited(
+    tmp_path: Path, reference: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = axis(tmp_path / "axis.yaml", item("flexible_mode", MODE))
+    step = tmp_path / "step.yaml"
+    step.write_text("reference: {kind: steps, height: 1.0e-4, dwell: 1.0, duration: 3.0}\n")
+    words = [str(path), "--settle", "1.5", "--reference"]
+    (told,) = predicted([*words, str(step)], tmp_path / "out", capsys)["shaping"]
+    assert told["shaper"]["frequency"] == pytest.approx(9.0 * 0.7**0.5)
+    assert told["shaper"]["damping"] == pytest.approx(0.01 * 0.7**0.5)
+    assert told["delay"] == pytest.approx(0.5 / told["shaper"]["frequency"], rel=0.02)
+    assert told["swing_shaped"]["rms"] < 0.5 * told["swing"]["rms"], "the step itself takes place within what counts"
+    line = capsys.readouterr().out
+    assert "with `shaper: {kind: zvd, frequency: 7.53, damping: 0.00837}` in the reference file" in line
+    step.write_text(step.read_text() + "shaper: {kind: zvd, frequency: 7.53, damping: 0.00837}\n")
+    assert predicted([*words, str(step)], tmp_path / "shaped", capsys)["shaping"] == []
+    (told,) = predicted([*words, str(reference)], tmp_path / "smooth", capsys)["shaping"]
+    assert told["swing_shaped"]["peak"] > 0.9 * told["swing"]["peak"]
+    assert "a shaped reference would hardly change that" in capsys.readouterr().out
+
+
 def test_a_linear_axis_is_told_in_micrometres(tmp_path: Path, reference: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = axis(tmp_path / "axis.yaml", item("cogging", COGGING), kind="linear")
     found = predicted([str(path), "--reference", str(reference), "--json"], tmp_path / "out", capsys)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from tcs_friction.control.reference import (
     KINDS,
+    UNSHAPED,
     Legs,
     Multisine,
     Reference,
@@ -26,6 +27,7 @@ from tcs_friction.control.reference import (
     reference_from_mapping,
 )
 from tcs_friction.control.reference_kernels import EARTH_GRAVITY, EARTH_RADIUS, SIDEREAL_RATE
+from tcs_friction.control.shaper import Shaper
 from tcs_friction.errors import InputError
 
 SMOOTH = [kind for kind in KINDS if kind != "steps"]
@@ -191,6 +193,9 @@ def test_file_is_read(tmp_path: Path) -> None:
     reference = load_reference(file)
     assert reference.config == Sinusoid(amplitude=0.02, period=8.0, duration=30.0)
     assert reference.duration == 30.0
+    assert reference.shaper == UNSHAPED
+    file.write_text("reference: {kind: sinusoid}\nshaper: {kind: zvd, frequency: 7, damping: 0.02}\n")
+    assert load_reference(file).shaper == Shaper("zvd", 7.0, 0.02)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +208,10 @@ def test_file_is_read(tmp_path: Path) -> None:
         ("reference: {kind: sinusoid, amplitude: .nan}", "amplitude is nan"),
         ("reference: {kind: satellite_pass, axis: polar}", "axis is 'polar', expected one of azimuth"),
         ("reference: 3", "no mapping named reference"),
-        ("reference: {kind: hold}\nother: 1", "unknown key 'other'"),
+        ("reference: {kind: hold}\nother: 1", "unknown key 'other', expected reference or shaper"),
+        ("reference: {kind: hold}\nshaper: {kind: zv, frequenzy: 3}", "shaper: unknown key 'frequenzy', expected frequency"),
+        ("reference: {kind: hold}\nshaper: {kind: zv, damping: 2}", "shaper: damping is 2, expected a number from 0 to 0.99"),
+        ("reference: {kind: hold}\nshaper: zv", "shaper: 'zv', expected a mapping"),
         ("reference: {", "not YAML"),
         ("", "expected a mapping"),
     ],

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.action import ActionClient
+from rclpy.logging import LoggingSeverity, get_logger_effective_level
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.action import Commission
@@ -132,6 +133,7 @@ def test_the_demo_runs_on_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ca
     assert content["after"]["rms"] < 0.5 * content["before"]["rms"]
     assert (content["true"], content["dob_relative_error"]) == (None, None)
     assert (tmp_path / "out/report.html").is_file()
+    assert get_logger_effective_level("") == LoggingSeverity.INFO  # the demo's own is not left to what comes after
 
 
 def test_the_demo_has_no_model_without_mujoco(capsys: pytest.CaptureFixture[str]) -> None:

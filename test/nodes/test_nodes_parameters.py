@@ -10,6 +10,7 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
+from tcs_friction.control.shaper import Shaper
 from tcs_friction.errors import InputError
 from tcs_friction.nodes import files, parameters
 from tcs_friction.nodes.controller import ControllerConfig
@@ -157,6 +158,21 @@ def test_no_file_and_no_name_takes_a_running_node_down(together: Callable[..., A
             assert 0 < len(answer.reason) < 2100
             assert "\n" not in answer.reason
     assert graph["plant"].file is before
+
+
+def test_a_reference_is_shaped_by_its_file_or_by_parameters(together: Callable[..., Any], tmp_path: Path) -> None:
+    node = together(nodes=["reference"])["reference"]
+    shaped = tmp_path / "shaped.yaml"
+    shaped.write_text("reference: {kind: constant_speed, duration: 5.0}\nshaper: {kind: zv, frequency: 4.0}\n")
+    own = [Parameter("shaper.kind", value="zvd"), Parameter("shaper.frequency", value=7.0)]
+    assert all(answer.successful for answer in node.set_parameters(own))
+    assert node._reference.shaper == Shaper("zvd", 7.0)
+    (answer,) = node.set_parameters([Parameter("reference_file", value=str(shaped))])
+    assert answer.successful
+    assert node._reference.shaper == Shaper("zv", 4.0)
+    (answer,) = node.set_parameters([Parameter("shaper.damping", value=1.5)])
+    assert not answer.successful
+    assert "shaper.damping" in answer.reason
 
 
 def test_a_file_is_read_once_for_a_change(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

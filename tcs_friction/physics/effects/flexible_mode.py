@@ -67,9 +67,15 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
 
 
 def transfer(values: Mapping[str, float], s: np.ndarray) -> np.ndarray:
-    lower = math.sqrt(1.0 - values["inertia_ratio"])
-    omega, damping = 2.0 * math.pi * values["frequency"] * lower, values["damping"] * lower
+    frequency, damping = rings(values)
+    omega = 2.0 * math.pi * frequency
     return np.asarray(-values["inertia_ratio"] * s**2 / (s**2 + 2.0 * damping * omega * s + omega**2))
+
+
+def rings(values: Mapping[str, float]) -> tuple[float, float]:
+    """The antiresonance: frequency (Hz) and damping ratio of the second body while the shaft is held."""
+    lower = math.sqrt(1.0 - values["inertia_ratio"])
+    return values["frequency"] * lower, values["damping"] * lower
 
 
 def warnings(values: Mapping[str, float]) -> list[str]:
@@ -111,4 +117,5 @@ TERM = Term(
     needs=frozenset({Need.ACCELERATION}),
     rate=rate,
     frequency="frequency",
+    rings=rings,
 )
