@@ -109,11 +109,13 @@ def summary(found: Diagnosis) -> str:
     if content["described"]:
         names = ", ".join(f"{entry['effect']} ({entry['torque_rms']:.3g} {unit} rms)" for entry in content["described"])
         lines.append(f"  described, not established: {names}")
-    fit, free = content["fit"], content["free_run"]
-    lines.append(f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:g} s, {position} rms")
+    fit, free, loop = content["fit"], content["free_run"], content["closed_loop"]
+    head = f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:g} s, {position} rms"
+    lines.append(head + ("   closed loop" if loop else ""))
     for name in ("believed", "retuned", "improved"):
         row = fit[name]
-        lines.append(f"{name:10} {row['train']:10.4g} {row['held_out']:10.4g} {free['position_rms'][name]:21.4g}")
+        line = f"{name:10} {row['train']:10.4g} {row['held_out']:10.4g} {free['position_rms'][name]:21.4g}"
+        lines.append(line + (f"{loop['position_rms'][name]:20.4g}" if loop else ""))
     lines.append(f"{'noise':10} {fit['noise_floor']:10.4g}")
     if content["next_experiment"]:
         lines.append(f"next: {content['next_experiment']['why']} ({EXPERIMENT})")

@@ -136,11 +136,13 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     )
     free = diagnosis.get("free_run") or {}
     position = free.get("position_rms") or {}
+    loop = (diagnosis.get("closed_loop") or {}).get("position_rms") or {}
     rows = [
         [
             f"{name}: {words}",
             *(_digits(diagnosis["fit"][name][part]) for part in ("train", "held_out")),
             _digits(position.get(name)),
+            *([_digits(loop[name])] if loop else []),
         ]
         for name, words in models
     ]
@@ -152,6 +154,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         f"residual, train ({unit})",
         f"residual, held out ({unit})",
         f"free-run error{after} ({evidence.position_unit})",
+        *([f"closed-loop error{after} ({evidence.position_unit})"] if loop else []),
     ]
     return table(head, rows, f"Noise floor {_digits(diagnosis['fit']['noise_floor'])} {unit}")
 

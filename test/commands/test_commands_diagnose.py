@@ -73,6 +73,7 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         Errors(0.1, 0.1),
         1.0,
         {"believed": 3e-3, "retuned": 2e-3, "improved": 1e-3},
+        {"believed": 3e-6, "retuned": 2e-6, "improved": 1.25e-6},
         (),
         experiment,
         (),
@@ -122,6 +123,8 @@ def test_writes_everything_and_says_what_was_found(
     printed = capsys.readouterr()
     assert "missing_physics: The model lacks torque_bias." in printed.out
     assert "bias 0.4 N m" in printed.out
+    assert "rad rms   closed loop" in printed.out
+    assert any(line.startswith("improved") and line.endswith("1.25e-06") for line in printed.out.splitlines())
     assert printed.out.rstrip().endswith("report.html")
     assert {line.split(": ")[2] for line in printed.err.splitlines()} == {"time base"}, printed.err
 

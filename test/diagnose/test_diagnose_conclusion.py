@@ -173,6 +173,34 @@ def test_an_effect_with_which_a_simulation_moves_worse_is_not_named(
     assert "can cancel torque bias." in found.statement
 
 
+class _Loop:
+    """A closed loop in which the effects of one kind make an axis follow worse. known: whether the controller is the file's."""
+
+    def __init__(self, kind: str, known: bool) -> None:
+        self._kind, self._known = kind, known
+
+    def errors(self, model: Axis) -> np.ndarray:
+        return np.full(50, 1.0 + sum(item.term.id == self._kind for item in model.effects))
+
+    def predicts(self, errors: np.ndarray) -> bool:  # noqa: ARG002
+        return self._known
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_an_effect_with_which_a_controlled_axis_follows_worse_is_not_named(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch, known: bool
+) -> None:
+    """If the recording was made under the controller that the axis file knows."""
+    _, _, improved = fitted
+    contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
+    monkeypatch.setattr(conclusion, "closed_loop", lambda *_: _Loop("torque_bias", known))
+    found = concluded(fitted, *contests)
+    assert [one.effect for one in found.described] == (["torque_bias"] if known else [])
+    assert dict(found.closed_loop) == (pytest.approx({"believed": 1.0, "retuned": 1.0, "improved": 2.0}) if known else {})
+    assert (found.to_mapping()["closed_loop"] is not None) == known
+    assert ("moves worse" in found.statement) == known
+
+
 def test_effects_stay_named_where_none_of_them_alone_makes_a_simulation_move_worse(
     fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:

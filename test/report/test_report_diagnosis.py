@@ -159,6 +159,17 @@ def test_what_remains_is_drawn(
     assert (tmp_path / "learned_map.png").stat().st_size > 1000
 
 
+def test_the_closed_loop_is_in_the_table_where_there_is_one(
+    diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path
+) -> None:
+    without = write_report(tmp_path / "a", diagnosis, evidence).read_text(encoding="utf-8")
+    diagnosis["closed_loop"] = {"position_rms": {"believed": 4.321e-7, "retuned": 3e-7, "improved": 2.5e-8}}
+    document = write_report(tmp_path / "b", diagnosis, evidence).read_text(encoding="utf-8")
+    assert "closed-loop error, rms over 1 s" in document
+    assert "4.321e-07" in document
+    assert "closed-loop" not in without
+
+
 @pytest.mark.parametrize("verdict", ["match", "parameters", "unexplained"])
 def test_every_verdict_gives_a_page(
     verdict: str, diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path

@@ -30,6 +30,7 @@ class Stretch:
     signals (1 + s, n): temperature (degC), then exogenous signals. train, held_out (m,): which compared samples may be fitted and
     which nothing is fitted to; in neither are edges, and gaps between the two. piece (m,): number of the block of the data, which
     is as long as a held-out one. resting (n,): where the axis rests and friction is unknown; nothing is compared there.
+    reference (3, n): position, speed and acceleration that the controller was given, through the same filter; None: not recorded.
     """
 
     t: np.ndarray
@@ -42,6 +43,7 @@ class Stretch:
     held_out: NDArray[np.bool_]
     piece: NDArray[np.int64]
     resting: NDArray[np.bool_]
+    reference: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

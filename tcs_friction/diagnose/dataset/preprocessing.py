@@ -36,7 +36,7 @@ EDGE_SECONDS = 0.1  # at least: a torque that acts later than it is logged acts 
 NO_TEMPERATURE = 20.0  # degC, where none was recorded
 
 Segment = tuple[int, slice]  # number of the recording, samples of it
-Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, torque, temperature, other signals (3 + s, n)
+Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, reference, torque, temperature, other signals (4 + s, n)
 
 
 def prepare(
@@ -103,17 +103,20 @@ def _long_enough(recordings: Sequence[Recording]) -> tuple[list[Segment], list[s
 def _even(r: Recording, s: slice, period: float) -> Series:
     """One segment at even steps; what is even already stays as it is."""
     temperature = np.full(len(r), NO_TEMPERATURE) if r.temperature is None else r.temperature
-    t, values = r.t[s], np.array([r.position, r.torque, temperature, *r.exogenous.values()])[:, s]
+    reference = np.full(len(r), np.nan) if r.reference is None else r.reference
+    t, values = r.t[s], np.array([r.position, reference, r.torque, temperature, *r.exogenous.values()])[:, s]
     return (t, values) if np.max(jitter(t, 1.0 / period)) < EVEN else resampled(t, values, 1.0 / period)
 
 
 def _filtered(series: Series, period: float, band: Bands) -> dict[str, np.ndarray]:
     """Motion, torque and signals of one stretch at the samples that are evaluated."""
-    t, (position, torque, *signals) = series
+    t, (position, reference, torque, *signals) = series
     q, v, a = low_pass(position, period, band.motion, 2)
     u, *others = (low_pass(x, period, band.motion)[0] for x in (torque, *signals))
     columns = {"t": t, "position": q, "velocity": v, "acceleration": a, "torque": u}
-    kept = {name: values[:: band.step] for name, values in columns.items()}
+    if np.isfinite(reference).all():
+        columns["reference"] = np.array(low_pass(reference, period, band.motion, 2))
+    kept = {name: values[..., :: band.step] for name, values in columns.items()}
     kept["signals"] = np.ascontiguousarray(np.array(others)[:, :: band.step])
     return kept | {"resting": np.zeros(len(kept["t"]), bool)}
 

@@ -7,8 +7,9 @@ In: the axis file and an `Explanation`: the retuned fit, the improved one, the s
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
+from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.free_run import moves_worse, typical, usable_horizon, window_errors
@@ -42,6 +44,27 @@ def conclude(balance: TorqueBalance, file: AxisFile, explanation: Explanation) -
 
 
 @dataclass(frozen=True)
+class _Moved:
+    """Errors (w,) in windows of a simulation in motion: by name of an axis, and of any other axis."""
+
+    of_axis: Callable[[Axis], np.ndarray]
+    errors: Mapping[str, np.ndarray]
+
+    @classmethod
+    def of(cls, of_axis: Callable[[Axis], np.ndarray], axes: Mapping[str, Axis]) -> _Moved:
+        return cls(of_axis, {name: of_axis(axis) for name, axis in axes.items()})
+
+    @property
+    def improved_is_worse(self) -> bool:
+        """Whether the improved axis moves worse than the retuned one."""
+        return bool(self.errors) and moves_worse(self.errors["improved"], self.errors["retuned"])
+
+    def worse(self, axis: Axis) -> bool:
+        """Whether an axis moves worse than the retuned one."""
+        return moves_worse(self.of_axis(axis), self.errors["retuned"])
+
+
+@dataclass(frozen=True)
 class _Conclusion:
     """What the parts of a result are made from."""
 
@@ -56,11 +79,11 @@ class _Conclusion:
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
         located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
         every = found_effects(self.balance, self.explanation, believed)
-        moved = {name: window_errors(data, axis) for name, axis in axes.items()}
-        runs = {name: typical(windows) for name, windows in moved.items()}
+        proofs = self._proofs_in_motion(axes)
+        runs, loops = ({name: typical(windows) for name, windows in proof.errors.items()} for proof in proofs)
         worse_in_all = self._effects_predict_worse()
         established = tuple(one for one in every if one.established and not worse_in_all)
-        worse = self._with_which_it_moves_worse(established, moved)
+        worse = self._with_which_it_moves_worse(established, proofs)
         found = tuple(one for one in established if one not in worse)
         described = tuple(one for one in every if one not in found)
         floor = noise_floor(self.balance, residuals["improved"])
@@ -68,7 +91,8 @@ class _Conclusion:
         if not (found or unexplained.present) and _retuning_fails(errors, floor):
             left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
             unexplained = Unexplained(True, left, {"coordinates": ["time"]})
-        verdict = self._verdict(errors, unexplained, found, runs)
+        moves_better = runs["improved"] <= runs["retuned"] and not proofs[1].improved_is_worse
+        verdict = self._verdict(errors, unexplained, found, moves_better)
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
         lines = (*limits(data, believed), *passed_once(data, [i for i in fit.axis.effects if not i.term.tabulated]))
         law = fit.axis.friction.term.words if fit.axis.friction.term is not believed.friction.term else ""
@@ -87,6 +111,7 @@ class _Conclusion:
             improved=errors["improved"],
             horizon=usable_horizon(data),
             free_run=runs,
+            closed_loop=loops,
             atlas=tuple(_atlas_mapping(entry) for entry in located),
             next_experiment=self._experiment(found, floor),
             limits=lines,
@@ -109,16 +134,23 @@ class _Conclusion:
         retuned, improved = (self._errors(self._residual(x.axis)) for x in (self.explanation.retuned, self.explanation.unmapped))
         return improved.held_out > (1.0 + FLOOR_ERROR) * retuned.held_out
 
-    def _with_which_it_moves_worse(self, found: Sequence[Found], moved: Mapping[str, np.ndarray]) -> tuple[Found, ...]:
+    def _proofs_in_motion(self, axes: Mapping[str, Axis]) -> tuple[_Moved, _Moved]:
+        """How the axes move in a free run and in a closed loop; the latter without errors where there is none."""
+        data, horizon = self.balance.data, usable_horizon(self.balance.data)
+        free = _Moved.of(partial(window_errors, data), axes)
+        loop = closed_loop(data, self.file, horizon)
+        followed = _Moved.of(loop.errors, axes) if loop is not None else _Moved(free.of_axis, {})
+        if loop is not None and not any(map(loop.predicts, followed.errors.values())):
+            followed = replace(followed, errors={})
+        return free, followed
+
+    def _with_which_it_moves_worse(self, found: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
         """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not."""
-        data, explanation, retuned = self.balance.data, self.explanation, moved["retuned"]
-        if not found or not moves_worse(moved["improved"], retuned):
-            return ()
+        explanation = self.explanation
         mapped = explanation.unmapped is not explanation.improved
-        if mapped and not moves_worse(window_errors(data, explanation.unmapped.axis), retuned):
-            return ()  # it is the map that moves worse
-        without = (window_errors(data, explanation.without(one.instance).axis) for one in found)
-        return tuple(one for one, windows in zip(found, without, strict=True) if not moves_worse(windows, retuned))
+        worse = [proof for proof in proofs if proof.improved_is_worse]
+        worse = [proof for proof in worse if not mapped or proof.worse(explanation.unmapped.axis)]  # or the map moves worse
+        return tuple(one for one in found if any(not proof.worse(explanation.without(one.instance).axis) for proof in worse))
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)
@@ -139,7 +171,7 @@ class _Conclusion:
         errors: Mapping[str, Errors],
         unexplained: Unexplained,
         found: Sequence[Found],
-        runs: Mapping[str, float],
+        moves_better: bool,
     ) -> Verdict:
         """What is left counts beside what the named effects explain, and a simulation with them has to move better.
 
@@ -153,7 +185,7 @@ class _Conclusion:
         if unexplained.present and (not found or unexplained.torque_rms**2 > allowed):
             return Verdict.UNEXPLAINED
         if found:
-            return Verdict.MISSING_PHYSICS if runs["improved"] <= runs["retuned"] else Verdict.UNEXPLAINED
+            return Verdict.MISSING_PHYSICS if moves_better else Verdict.UNEXPLAINED
         aligned = replace(self.file.axis, actuation_delay=fit.axis.actuation_delay)
         if fit.axis.friction.term is not self.file.axis.friction.term:
             left = self._errors(self._residual(aligned)).train

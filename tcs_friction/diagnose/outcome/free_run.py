@@ -96,7 +96,7 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
     length = round(usable_horizon(data, horizon) / step)
     if length < 1:
         return np.zeros(0)
-    starts = _windows(_held_out(data), length)
+    starts = held_out_windows(data, length)
     travel = float(np.ptp(data.joined("position")))
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
     if pieces > MOST_PIECES:
@@ -124,6 +124,11 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
         )
         found.append(np.sqrt(np.mean(errors**2, axis=1)))
     return np.concatenate([np.zeros(0), *found])
+
+
+def held_out_windows(data: DataSet, length: int) -> list[np.ndarray]:
+    """First samples of windows of `length` samples of the held-out data, for each stretch; at most some WINDOWS in all."""
+    return _windows(_held_out(data), length)
 
 
 def _held_out(data: DataSet) -> list[list[tuple[int, int]]]:

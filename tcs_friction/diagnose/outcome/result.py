@@ -120,6 +120,7 @@ class Diagnosis:
     improved: Errors
     horizon: float
     free_run: Mapping[str, float]
+    closed_loop: Mapping[str, float]
     atlas: tuple[Mapping[str, Any], ...]
     next_experiment: Mapping[str, Any] | None
     limits: tuple[str, ...]
@@ -144,6 +145,7 @@ class Diagnosis:
             },
             "fit": fit,
             "free_run": {"horizon": self.horizon, "position_rms": dict(self.free_run)},
+            "closed_loop": {"position_rms": dict(self.closed_loop)} if self.closed_loop else None,
             "atlas": [dict(entry) for entry in self.atlas],
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "described": [found.to_mapping() for found in self.described],
