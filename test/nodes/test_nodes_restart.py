@@ -25,11 +25,15 @@ class Goal:
         self.stages: list[str] = []
         self._caller = caller
         goal = CommissionAction.Goal(directory="out")
+        def heard(message: Any) -> None:
+            self.stages.append(message.feedback.stage)
+
+        sent: list[Any] = []
         for _ in range(20):  # a server that was killed is remembered for a while, and what is sent to it is lost
-            sent = client.send_goal_async(goal, feedback_callback=lambda message: self.stages.append(message.feedback.stage))
-            if caller.until(sent.done, 5.0):
+            sent.append(client.send_goal_async(goal, feedback_callback=heard))
+            if caller.until(lambda: any(one.done() for one in sent), 5.0):
                 break
-        handle = sent.result()
+        handle = next(one for one in sent if one.done()).result()  # those that come after it find the server busy
         assert handle.accepted
         self._finished = handle.get_result_async()
 
