@@ -40,9 +40,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the graph."""
     check_plant(arguments)
     if arguments.cores and not arguments.realtime:
-        raise InputError("--cores", f"{arguments.cores} without --realtime", "both or neither")
+        raise InputError("--cores", f"{arguments.cores} without --realtime", "--realtime beside it")
     if arguments.port is not None and not arguments.live:
-        raise InputError("--port", f"{arguments.port} without --live", "both or neither")
+        raise InputError("--port", f"{arguments.port} without --live", "--live beside it")
     if arguments.live:
         check_packages()
     end_at_once()

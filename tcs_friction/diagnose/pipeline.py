@@ -25,7 +25,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.checks import check_units
 from tcs_friction.diagnose.dataset.excitation import barred, lacking
 from tcs_friction.diagnose.dataset.preprocessing import prepare
-from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.fit.parameters import INERTIA
@@ -83,6 +83,10 @@ def diagnose(
             balance, retuned, base = _with_known_inertia(balance, retuned, base, inertia)
             lacks = lacks | {Need.FREE_ACCELERATION}
             remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
+    elif _inertia_lost(balance, selection, file.axis):
+        wrong = _wrong_inertia(retuned.axis, file.axis)
+        balance, retuned, base = _with_known_inertia(balance, retuned, base, file.axis.inertia if wrong else None)
+        remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
 
     progress(0.75, "looking for structure that remains")
     left = remainder(selection.base, selection.chosen)
@@ -141,6 +145,16 @@ def _inertia_beside(balance: TorqueBalance, selection: Selection, believed: Axis
     error = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance)), strict=True))[INERTIA]
     changed = abs(math.log(fit.axis.inertia / known.inertia)) > STAYS * error
     return fit.axis.inertia if changed and not _wrong_inertia(fit.axis, believed) else None
+
+
+def _inertia_lost(balance: TorqueBalance, selection: Selection, believed: Axis) -> bool:
+    """Whether the inertia beside what was found is far from the believed one, and its torque within the residual.
+
+    The recording does not tell the inertia then: noise of the measured acceleration draws it to zero.
+    """
+    fit = selection.chosen
+    torque = fit.axis.inertia * rms(balance.data.joined("acceleration")[balance.train])
+    return _wrong_inertia(fit.axis, believed) and torque < rms(balance.residual(fit.axis, fit.noise)[balance.train])
 
 
 def _searched(

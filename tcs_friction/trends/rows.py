@@ -78,16 +78,14 @@ def rows_of(axis: str, content: Sequence[Mapping[str, Any]]) -> AxisRows:
     rows = sorted(kept.values(), key=lambda row: (row["start"], str(row["recording"]), row["piece"]))
     left_out = []
     if len(kept) < len(content):
-        left_out.append(f"{len(content) - len(kept)} recordings are stored twice and count once")
+        left_out.append(f"recordings stored twice, which count once: {len(content) - len(kept)}")
     timed = [row for row in rows if row["start"] > 0]
     if len(timed) < len(rows):
-        left_out.append(f"{len(rows) - len(timed)} recordings of unknown time are left out")
+        left_out.append(f"recordings of unknown time, left out: {len(rows) - len(timed)}")
     law = _usual([row["law"] for row in timed if row["law"] is not None])
     same = [row for row in timed if row["law"] in (None, law)]
     if len(same) < len(timed):
-        left_out.append(
-            f"{len(timed) - len(same)} recordings were identified with another law than {law} and are left out"
-        )
+        left_out.append(f"recordings identified with another law than {law}, left out: {len(timed) - len(same)}")
     return _columns(axis, law, same, tuple(left_out))
 
 

@@ -93,6 +93,14 @@ def test_a_recording_belongs_to_the_axis_whose_joint_it_has(tmp_path: Path) -> N
     assert (look.axes, look.starts, look.samples, look.reason) == (("b",), (START,), (2000,), "")
 
 
+def test_an_axis_of_another_time_does_not_fit_and_that_is_said(tmp_path: Path) -> None:
+    (axis,) = read_axes(write_axes(tmp_path, ["a"]))
+    write_bag(tmp_path / "bags/one", "a")
+    (found,) = find([str(tmp_path / "bags")])
+    look = look_at(found, [replace(axis, since=START + 10**12)], "key")
+    assert (look.axes, look.reason) == ((), "no axis fits: one has its signals, but another path, topic or time")
+
+
 def test_what_belongs_to_no_axis_or_is_no_bag_says_why(tmp_path: Path) -> None:
     axes = read_axes(write_axes(tmp_path, ["a"]))
     write_bag(tmp_path / "bags/one", "b")

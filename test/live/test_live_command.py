@@ -41,7 +41,7 @@ def test_a_port_that_is_none_is_refused(command: str, port: str, capsys: pytest.
 
 def test_a_graph_without_a_page_takes_no_port(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["graph", "--port", "8000"]) == 2
-    assert capsys.readouterr().err == "tcs-friction: --port: 8000 without --live, expected both or neither\n"
+    assert capsys.readouterr().err == "tcs-friction: --port: 8000 without --live, expected --live beside it\n"
 
 
 @pytest.mark.parametrize("words", [["live"], ["graph", "--live"]])

@@ -78,7 +78,7 @@ def test_cores_that_are_none_are_refused(system: SimpleNamespace, cores: str) ->
 
 def test_cores_are_for_real_time(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["graph", "--cores", "2"]) == 2
-    assert capsys.readouterr().err == "tcs-friction: --cores: 2 without --realtime, expected both or neither\n"
+    assert capsys.readouterr().err == "tcs-friction: --cores: 2 without --realtime, expected --realtime beside it\n"
 
 
 def test_a_thread_that_computes_is_ordinary(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -149,7 +149,7 @@ def test_the_order_of_rows_and_copies_change_nothing(unchanged: AxisRows) -> Non
     copies = [*content, {**content[3], "recording": "a copy of it"}]
     shuffling.Random(0).shuffle(copies)
     again = to_mapping(fleet_trend([rows_of("a", copies)]))
-    assert again["axes"][0].pop("notes") == ["1 recordings are stored twice and count once"]
+    assert again["axes"][0].pop("notes") == ["recordings stored twice, which count once: 1"]
     assert first["axes"][0].pop("notes") == []
     assert again == first
 

@@ -9,6 +9,7 @@ all fits share one, so that their squares can be compared.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -101,6 +102,7 @@ def select_effects(
         rounds.append(tuple(candidates))
         if best is None or len(added_effects(fit.axis, retuned.axis)) >= MOST_EFFECTS:
             break
+        before = fit
         new = {item.identity for item in best.items} if len(best.items) == 1 else set()
         earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
         fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
@@ -108,6 +110,10 @@ def select_effects(
         fit = with_offsets_joined(balance, fit, retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)
+        if _only_lost(before.axis, fit.axis):
+            refused.add(_kinds(best.fit.axis))
+            fit = before
+            continue
         if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
             break
         if _kinds(fit.axis) in met:  # what was pruned again would come back in every further round
@@ -120,6 +126,11 @@ def _kinds(axis: Axis) -> frozenset[tuple[Kind, float]]:
     """The friction law and the kinds of effects of an axis, waves with their orders to a hundredth."""
     items = [axis.friction, *axis.effects]
     return frozenset((kind_of(item), round(item.order, 2) if item.term.periodic else 0.0) for item in items)
+
+
+def _only_lost(before: Axis, after: Axis) -> bool:
+    """Whether an axis has fewer effects than before and no new one: what was added was dropped, and took others with it."""
+    return Counter(map(kind_of, after.effects)) < Counter(map(kind_of, before.effects))
 
 
 def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Sequence[Candidate]) -> Candidate | None:

@@ -65,7 +65,7 @@ def over_temperature(trend: Trend, law: str) -> Picture | None:
     slope, error = trend.fit.value("temperature")
     level = abs(trend.fit.value("level")[0])
     relative = (
-        f", {100.0 * slope / level:.2f} ± {100.0 * error / level:.2g} % per °C"
+        f", {100.0 * slope / level:.2g} ± {100.0 * error / level:.2g} % per °C"
         if level > 3.0 * abs(slope)
         else ""
     )
