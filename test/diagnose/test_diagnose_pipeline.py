@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from closed_loop_cases import telescope, telescope_file
-from concealed_torque_cases import conditioned, settled
+from concealed_torque_cases import conditioned, settled, unfitted
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose import pipeline
@@ -13,7 +15,7 @@ from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import settle
 from tcs_friction.diagnose.fit.noise import white_noise
-from tcs_friction.diagnose.pipeline import _explanation, diagnose
+from tcs_friction.diagnose.pipeline import _explanation, _inertia_lost, diagnose
 from tcs_friction.diagnose.remainder.remainder import remainder_of
 from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.errors import InputError
@@ -32,6 +34,19 @@ def test_a_run_that_begins_away_from_its_reference_matches() -> None:
     recording, plant = telescope(drive_noise=0.2, speed=0.003, start=0.0, away=0.01)
     assert np.abs(recording.torque).max() == plant.drive.limit
     assert diagnose([recording], telescope_file().with_axis(plant)).verdict == "match"
+
+
+def test_an_inertia_that_the_recording_does_not_tell_is_lost_only_far_from_the_believed_one() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(3), seconds=60.0))
+
+    def lost(factor: float, believed: float) -> bool:
+        chosen = unfitted(balance, replace(fit.axis, inertia=factor * fit.axis.inertia), fit.noise)
+        known = replace(fit.axis, inertia=believed * fit.axis.inertia)
+        return _inertia_lost(balance, Selection(fit, fit, chosen), known)
+
+    assert lost(1e-6, 1.0)
+    assert not lost(1e-6, 1e-6), "as believed"
+    assert not lost(100.0, 1.0), "its torque shows"
 
 
 def test_alignment_is_no_wrong_parameter() -> None:

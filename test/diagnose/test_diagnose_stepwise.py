@@ -128,6 +128,20 @@ def test_what_is_pruned_again_leaves_its_place_to_the_next(monkeypatch: pytest.M
     assert any("torque_bias" in {kind.effect for kind in c.kinds} for c in selection.rounds[0])
 
 
+def test_what_takes_an_earlier_effect_with_it_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second effect may lead the first one astray, so that both are dropped: the search keeps the first one."""
+
+    def without_both(*arguments: Fit) -> Fit:
+        fit, base = arguments[1:3]
+        return fit if len(fit.axis.effects) < 2 else base
+
+    monkeypatch.setattr(stepwise, "pruned", without_both)
+    balance = TorqueBalance(conditioned(np.random.default_rng(7), lambda m: 1.0 * (m.t > 20.3) + 3.0, seconds=60.0))
+    selection = selected(balance, frozenset(effects()) - {"load_step", "torque_bias"})
+    assert [item.term.id for item in selection.found] == ["torque_bias"]
+    assert len(selection.rounds) == 3, "the first effect, the second one, and nothing that is left"
+
+
 def test_a_search_repeated_finds_the_same_to_the_last_digit() -> None:
     """No stage leaves anything behind in the balance."""
     balance = TorqueBalance(conditioned(np.random.default_rng(7), lambda m: 1.5 * (m.t > 20.3) + 0.4, seconds=60.0))
