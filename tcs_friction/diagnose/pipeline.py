@@ -62,6 +62,7 @@ def diagnose(
 
     Raises InputError when the recordings cannot carry a torque balance.
     """
+    progress = _never_back(progress)
     progress(0.02, "conditioning the recording")
     data = prepare(recordings, memory=FORGOTTEN * file.axis.bristle, at_rest=not file.axis.friction.term.without_memory)
     check_units(data, file.axis)
@@ -96,6 +97,18 @@ def diagnose(
 
     progress(0.92, "proving on held-out data")
     return conclude(balance, file, explanation)
+
+
+def _never_back(progress: Progress) -> Progress:
+    """The same, with a share that stays where it is while a search is made again."""
+    reached = 0.0
+
+    def forward(share: float, stage: str) -> None:
+        nonlocal reached
+        reached = max(reached, share)
+        progress(reached, stage)
+
+    return forward
 
 
 def _unless_contradicted_at_rest(

@@ -61,6 +61,10 @@ def test_cogging_that_feigns_another_inertia_is_named_alone_on_a_swing() -> None
     """Retuned without the cogging, the inertia is far off. Springs would mend the believed one, which is off by a tenth."""
     swing = {"kind": "sinusoid", "amplitude": 0.3, "period": 60.0, "duration": 120.0}
     recording, plain = recorded(swing, 3, cogging={"order": 72.0, "amplitude": 60.0, "phase": 1.0})
-    found = diagnose([recording], telescope_file().with_axis(replace(plain, inertia=900.0)))
+    shares: list[float] = []
+    found = diagnose(
+        [recording], telescope_file().with_axis(replace(plain, inertia=900.0)), lambda share, _: shares.append(share)
+    )
     assert [one.effect for one in found.effects] == ["cogging"]
     assert found.axis_file.axis.inertia == pytest.approx(1000.0, rel=0.01)
+    assert shares == sorted(shares), "the search was made twice, and its progress does not go back"
