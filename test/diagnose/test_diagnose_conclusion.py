@@ -268,6 +268,20 @@ def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple
         assert proof._echoes(item, proof._size(item)) == echo, (order, amplitude)
 
 
+def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
+    fitted: tuple[TorqueBalance, Fit, Fit],
+) -> None:
+    """What a large effect's form does not meet comes back as regularly as an effect."""
+    balance, retuned, _ = fitted
+    wave = instance(effect("torque_ripple"), {"order": 40.0, "amplitude": 0.05, "phase": 0.3})
+    for bias, size, outshone in ((20.0, 1.0, True), (20.0, 3.0, False), (5.0, 1.0, False)):
+        large = instance(effect("torque_bias"), {"bias": bias})
+        fit = unfitted(balance, axis().with_effect(large).with_effect(wave), retuned.noise, KNOWN)
+        proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
+        assert proof._outshone(fit.axis.effects[-1], size, left=1.5) == outshone, (bias, size)
+        assert not proof._outshone(fit.axis.effects[0], bias, left=1.5)
+
+
 def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
     """Friction that falls around a place in a form of its own leaves waves of friction beside the bump that is fitted to it."""
     balance, retuned, _ = fitted

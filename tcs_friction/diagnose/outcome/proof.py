@@ -30,6 +30,7 @@ from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
 ECHO = 0.2  # of an effect's torque, that another one like it must have: form, gain and timing of the larger are known no better
+OUTSHONE = 0.1  # of another effect's torque, that one within the noise must have: errors of the larger one's form look like it
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
@@ -106,7 +107,8 @@ class _Proof:
             established=certainty >= NAMED
             and left[1] <= (1.0 + FLOOR_ERROR) * left[0]
             and _resolved(item, parameters)
-            and not self._echoes(item, rms(torque)),
+            and not self._echoes(item, rms(torque))
+            and not self._outshone(item, rms(torque), rms(after[held])),
         )
 
     def _echoes(self, item: Instance, size: float) -> bool:
@@ -115,6 +117,15 @@ class _Proof:
         Alike are waves over the position of one order, and scales of friction along one coordinate. size: its torque, N m rms.
         """
         return any(size < ECHO * self._size(one) for one in self.fit.axis.effects if self._alike(item, one))
+
+    def _outshone(self, item: Instance, size: float, left: float) -> bool:
+        """Whether an effect is within the noise and small beside another: it may be what the other's form does not meet.
+
+        That comes back in every piece of a recording that repeats its moves, as a true effect does. size: its torque, left: the
+        residual with it, N m rms.
+        """
+        others = (one for one in self.fit.axis.effects if one is not item and not one.term.tabulated)
+        return size < left and any(size < OUTSHONE * self._size(one) for one in others)
 
     def _alike(self, item: Instance, other: Instance) -> bool:
         if other is item or other.term.tabulated:
