@@ -274,7 +274,7 @@ def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
     """What a large effect's form does not meet comes back as regularly as an effect."""
     balance, retuned, _ = fitted
     wave = instance(effect("torque_ripple"), {"order": 40.0, "amplitude": 0.05, "phase": 0.3})
-    for bias, size, outshone in ((20.0, 1.0, True), (20.0, 3.0, False), (5.0, 1.0, False)):
+    for bias, size, outshone in ((20.0, 1.0, True), (20.0, 3.0, False), (3.0, 1.0, False)):
         large = instance(effect("torque_bias"), {"bias": bias})
         fit = unfitted(balance, axis().with_effect(large).with_effect(wave), retuned.noise, KNOWN)
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))

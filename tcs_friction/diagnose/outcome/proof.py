@@ -30,7 +30,8 @@ from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
 ECHO = 0.2  # of an effect's torque, that another one like it must have: form, gain and timing of the larger are known no better
-OUTSHONE = 0.1  # of another effect's torque, that one within the noise must have: errors of the larger one's form look like it
+OUTSHONE = 0.3  # of another effect's torque, that one within the noise must have: its square is what another engine's effects at
+# least left of theirs (see agreement), because their form differs
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
