@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from concealed_torque_cases import Torque, axis, conditioned, settled, unfitted
+from concealed_torque_cases import Motion, Torque, axis, conditioned, settled, unfitted
 
 from tcs_friction.diagnose.outcome.agreement import FEWEST_PIECES, Agreement, agreement_on, random_effects
 from tcs_friction.physics.registry import effect
@@ -99,3 +99,23 @@ def test_a_torque_of_the_position_is_a_part_of_what_depends_on_it_only() -> None
     of_the_position = explained(gravity, lambda m: 2.0 * np.cos(m.q) + 4.0 * np.sin(8.0 * m.q))
     assert in_time > 0.9
     assert of_the_position < 0.5
+
+
+def test_friction_of_the_position_is_a_part_of_what_reverses_and_depends_on_it_only() -> None:
+    values = {"amplitude": 0.2, "centre": 2.0, "width": 0.5}
+
+    def bump(m: Motion) -> np.ndarray:
+        return np.asarray(12.0 * np.exp(-(((m.q - 2.0) / 0.5) ** 2)) * np.sign(m.v))  # of 60 N m
+
+    item = instance(effect("local_friction_bump"), values)
+    in_time = explained(item, lambda m: bump(m) + 6.0 * np.sin(9.0 * m.t))
+    elsewhere = explained(item, lambda m: bump(m) + 6.0 * np.sin(8.0 * m.q) * np.sign(m.v))
+    assert in_time > 0.9
+    assert elsewhere < 0.6
+
+
+def test_a_constant_torque_is_a_part_of_what_changes_slowly_only() -> None:
+    bias = instance(effect("torque_bias"), {"bias": 2.0})
+    assert explained(bias, lambda m: 2.0 + 4.0 * np.sin(9.0 * m.t)) > 0.9
+    assert explained(bias, lambda m: 2.0 + 4.0 * np.sin(0.1 * m.t)) < 0.5
+    assert explained(bias, lambda m: 2.0 + 4.0 * np.sin(4.0 * m.q)) < 0.5

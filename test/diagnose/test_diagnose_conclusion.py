@@ -16,7 +16,7 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
-from tcs_friction.diagnose.outcome.proof import _Proof, _resolved, found_effects
+from tcs_friction.diagnose.outcome.proof import _outshone, _Proof, _resolved, found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
@@ -272,14 +272,14 @@ def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
     fitted: tuple[TorqueBalance, Fit, Fit],
 ) -> None:
     """What a large effect's form does not meet comes back as regularly as an effect."""
-    balance, retuned, _ = fitted
-    wave = instance(effect("torque_ripple"), {"order": 40.0, "amplitude": 0.05, "phase": 0.3})
-    for bias, size, outshone in ((20.0, 1.0, True), (20.0, 3.0, False), (3.0, 1.0, False)):
-        large = instance(effect("torque_bias"), {"bias": bias})
-        fit = unfitted(balance, axis().with_effect(large).with_effect(wave), retuned.noise, KNOWN)
-        proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
-        assert proof._outshone(fit.axis.effects[-1], size, left=1.5) == outshone, (bias, size)
-        assert not proof._outshone(fit.axis.effects[0], bias, left=1.5)
+    balance, retuned, both = fitted
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis())
+    for size, left, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
+        one = replace(small, torque_rms=size * large.torque_rms, after=left * large.torque_rms)
+        assert _outshone(one, [large, one]) == outshone, (size, left)
+        assert not _outshone(one, [one]), "the other one is described only"
+        assert not _outshone(large, [large, one])
 
 
 def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:

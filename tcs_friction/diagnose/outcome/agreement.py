@@ -40,7 +40,7 @@ from tcs_friction.physics.terms import Instance, Place
 
 FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
-PLACES = 24  # of equal length in the travel, over which a mean is what depends on the position
+PLACES = 24  # of equal length in the travel or the time, over which a mean is what depends on that
 NEXT_ORDERS = 8  # on either side: one period more in the recording is the next one
 AROUND_AN_ORDER = 0.125  # of what is left: it would have to be in a few lines for more of it to be around one order
 LEAST_LEFT = 2e-3  # of the noise power, that nobody would see: what one name out of all needs in 15 000 independent samples
@@ -71,8 +71,9 @@ class Agreement:
 def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance) -> Agreement:
     """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted.
 
-    A wave can be a part of no more than what is left around its order, a torque of the position of no more than depends on that.
-    What collisions leave is theirs: none comes at its exact time.
+    A wave can be a part of no more than what is left around its order, a torque or friction of the position of no more than
+    depends on that, a constant torque of no more than its changes over the travel or the time. What collisions leave is theirs:
+    none comes at its exact time.
     """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
@@ -100,8 +101,13 @@ def _share_that_it_could_be(balance: TorqueBalance, axis: Axis, item: Instance, 
     if item.term.periodic:
         angle = wave_angle(balance, axis, item.term)[usable]
         return min(_power_around(angle, item.order, left) / float(left @ left), AROUND_AN_ORDER)
-    if item.term.place is Place.OPPOSING and item.term.coordinate == "position" and not item.term.states:
-        return _power_over(balance.data.joined("position")[usable], left) / float(left @ left)
+    position, t = (balance.data.joined(name)[usable] for name in ("position", "t"))
+    if item.term.coordinate == "position" and not item.term.states:
+        friction = item.term.place is Place.SCALE
+        along = left * np.sign(balance.data.joined("velocity")[usable]) if friction else left
+        return _power_over(position, along) / float(left @ left)
+    if item.term.offset and len(item.term.parameters) == 1:
+        return max(_power_over(position, left), _power_over(t, left)) / float(left @ left)
     return 1.0
 
 
@@ -114,9 +120,9 @@ def _power_around(angle: np.ndarray, order: float, left: np.ndarray) -> float:
     return float(left @ columns @ np.linalg.lstsq(columns.T @ columns, columns.T @ left, rcond=1e-9)[0])
 
 
-def _power_over(position: np.ndarray, left: np.ndarray) -> float:
-    """Sum of squares of a series (n,) in its means over equal parts of the travel."""
-    part = (position - position.min()) / max(float(np.ptp(position)), 1e-300)
+def _power_over(coordinate: np.ndarray, left: np.ndarray) -> float:
+    """Sum of squares of a series (n,) in its means over equal parts of a coordinate (n,)."""
+    part = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-300)
     place = np.minimum(part * PLACES, PLACES - 1).astype(int)
     return float(np.sum(np.bincount(place, left) ** 2 / np.maximum(np.bincount(place), 1)))
 

@@ -7,8 +7,8 @@ largest torque first.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,8 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
     proof = _Proof(balance, explanation)
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
+    named = [one for one in found if one.established]
+    found = [replace(one, established=one.established and not _outshone(one, named)) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
 
 
@@ -109,7 +111,6 @@ class _Proof:
             and left[1] <= (1.0 + FLOOR_ERROR) * left[0]
             and _resolved(item, parameters)
             and not self._echoes(item, rms(torque))
-            and not self._outshone(item, rms(torque), rms(after[held])),
         )
 
     def _echoes(self, item: Instance, size: float) -> bool:
@@ -118,15 +119,6 @@ class _Proof:
         Alike are waves over the position of one order, and scales of friction along one coordinate. size: its torque, N m rms.
         """
         return any(size < ECHO * self._size(one) for one in self.fit.axis.effects if self._alike(item, one))
-
-    def _outshone(self, item: Instance, size: float, left: float) -> bool:
-        """Whether an effect is within the noise and small beside another: it may be what the other's form does not meet.
-
-        That comes back in every piece of a recording that repeats its moves, as a true effect does. size: its torque, left: the
-        residual with it, N m rms.
-        """
-        others = (one for one in self.fit.axis.effects if one is not item and not one.term.tabulated)
-        return size < left and any(size < OUTSHONE * self._size(one) for one in others)
 
     def _alike(self, item: Instance, other: Instance) -> bool:
         if other is item or other.term.tabulated:
@@ -190,6 +182,14 @@ class _Proof:
         after = int(np.clip(np.searchsorted(t, moment), 1, len(t) - 1))
         gap = max(float(t[after] - t[after - 1]), 1.0 / self.balance.data.cutoff)
         return gap / math.sqrt(12.0)
+
+
+def _outshone(one: Found, named: Sequence[Found]) -> bool:
+    """Whether an effect is within the noise and small beside another that is named: the other's form may not meet that.
+
+    It comes back in every piece of a recording that repeats its moves, as a true effect does.
+    """
+    return one.torque_rms < one.after and any(one.torque_rms < OUTSHONE * other.torque_rms for other in named)
 
 
 def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:
