@@ -275,11 +275,11 @@ def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
     balance, retuned, both = fitted
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
     large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis())
-    for size, left, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
-        one = replace(small, torque_rms=size * large.torque_rms, after=left * large.torque_rms)
-        assert _outshone(one, [large, one]) == outshone, (size, left)
-        assert not _outshone(one, [one]), "the other one is described only"
-        assert not _outshone(large, [large, one])
+    for size, floor, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
+        one, noise = replace(small, torque_rms=size * large.torque_rms), floor * large.torque_rms
+        assert _outshone(one, [large, one], noise) == outshone, (size, floor)
+        assert not _outshone(one, [one], noise), "the other one is described only"
+        assert not _outshone(large, [large, one], noise)
 
 
 def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.fit.noise_estimate import noise_floor
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on
 from tcs_friction.diagnose.outcome.explanation import Explanation
@@ -41,7 +42,8 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     named = [one for one in found if one.established]
-    found = [replace(one, established=one.established and not _outshone(one, named)) for one in found]
+    floor = noise_floor(balance, proof.residual(proof.fit.axis))
+    found = [replace(one, established=one.established and not _outshone(one, named, floor)) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
 
 
@@ -184,12 +186,12 @@ class _Proof:
         return gap / math.sqrt(12.0)
 
 
-def _outshone(one: Found, named: Sequence[Found]) -> bool:
-    """Whether an effect is within the noise and small beside another that is named: the other's form may not meet that.
+def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:
+    """Whether an effect is within the noise floor and small beside another that is named: the other's form may not meet that.
 
     It comes back in every piece of a recording that repeats its moves, as a true effect does.
     """
-    return one.torque_rms < one.after and any(one.torque_rms < OUTSHONE * other.torque_rms for other in named)
+    return one.torque_rms < floor and any(one.torque_rms < OUTSHONE * other.torque_rms for other in named)
 
 
 def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:
