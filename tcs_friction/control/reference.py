@@ -252,7 +252,7 @@ class Reference:
         return samples
 
 
-def reference_from_mapping(mapping: Mapping[str, object], where: str, shaper: Shaper = UNSHAPED) -> Reference:
+def reference_from_mapping(mapping: Mapping[str, object], where: str) -> Reference:
     """A reference from `{kind: sinusoid, amplitude: ...}`.
 
     Raises InputError for a missing or unknown kind, an unknown key (naming the nearest) and any bad value.
@@ -265,7 +265,7 @@ def reference_from_mapping(mapping: Mapping[str, object], where: str, shaper: Sh
         raise InputError(where, f"unknown kind {kind!r}", nearest(str(kind), list(KINDS)))
     config: ReferenceConfig = from_mapping(KINDS[str(kind)], values, where)
     validate_reference(config, where)
-    return Reference(config, shaper)
+    return Reference(config)
 
 
 def load_reference(path: Path) -> Reference:
@@ -280,4 +280,4 @@ def load_reference(path: Path) -> Reference:
         if key not in ("reference", "shaper"):
             raise InputError(str(path), f"unknown key {key!r}", "reference or shaper")
     shaper = from_mapping(Shaper, document.get("shaper", {}), f"{path} shaper")
-    return reference_from_mapping(document["reference"], f"{path} reference", shaper)
+    return reference_from_mapping(document["reference"], f"{path} reference").shaped_unless(shaper)

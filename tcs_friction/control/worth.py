@@ -130,9 +130,11 @@ def worth(
 
 def _shaping(task: Task, model: Axis, effects: Sequence[str], run: LoopRun) -> tuple[Shaping, ...]:
     """For each body behind a spring: how it swings on this run, and on one whose reference does not excite it."""
+    if task.reference.shaper.kind != NONE:
+        return ()
     found = []
     for name, item in effect_names(model).items():
-        if item.term.rings is None or task.reference.shaper.kind != NONE:
+        if item.term.rings is None:
             continue
         shaper = Shaper(ZVD, *item.term.rings(item.values))
         shaped = _run(replace(task, reference=task.reference.shaped_unless(shaper)), model, model, effects)
@@ -142,9 +144,8 @@ def _shaping(task: Task, model: Axis, effects: Sequence[str], run: LoopRun) -> t
 
 
 def _swing(task: Task, run: LoopRun, shaper: Shaper) -> tuple[float, float]:
-    """Rms and peak of the deflection after settling."""
-    deflection = swing(run.true_position, float(run.t[1] - run.t[0]), shaper.frequency, shaper.damping)[run.t >= task.settle]
-    return float(np.sqrt(np.mean(deflection**2))), float(np.max(np.abs(deflection)))
+    """Rms and largest deflection after settling."""
+    return _size(task, run, swing(run.true_position, task.loop.period, shaper.frequency, shaper.damping))
 
 
 def _run(task: Task, axis: Axis, model: Axis, effects: Collection[str] | None) -> LoopRun:
@@ -174,8 +175,13 @@ def _follows(task: Task, axis: Axis, run: LoopRun) -> None:
 
 def _errors(task: Task, run: LoopRun) -> tuple[float, float]:
     """Rms and largest true tracking error after settling."""
-    error = (run.reference - run.true_position)[run.t >= task.settle]
-    return float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error)))
+    return _size(task, run, run.reference - run.true_position)
+
+
+def _size(task: Task, run: LoopRun, values: Array) -> tuple[float, float]:
+    """Rms and largest of values (n,) at the ticks of a run, after settling."""
+    counted = values[run.t >= task.settle]
+    return float(np.sqrt(np.mean(counted**2))), float(np.max(np.abs(counted)))
 
 
 def _without(axis: Axis, effects: Sequence[str]) -> Axis:

@@ -73,9 +73,9 @@ def diagnose(
     balance, retuned, base = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
     lacks = lacking(balance.data, file.axis)
     if Need.FREE_ACCELERATION in lacks:
-        wrong = _wrong_inertia(retuned.axis, file.axis)
-        balance, retuned, base = _with_known_inertia(balance, retuned, base, file.axis.inertia if wrong else None)
-        lacks = lacks - {Need.FREE_ACCELERATION} if wrong else lacks
+        instead = _instead_of_wrong_inertia(retuned.axis, file.axis)
+        balance, retuned, base = _with_known_inertia(balance, retuned, base, instead)
+        lacks = lacks if instead is None else lacks - {Need.FREE_ACCELERATION}
 
     remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
     if balance.inertia_known and selection.found:
@@ -85,8 +85,8 @@ def diagnose(
             lacks = lacks | {Need.FREE_ACCELERATION}
             remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
     elif _inertia_lost(balance, selection, file.axis):
-        wrong = _wrong_inertia(retuned.axis, file.axis)
-        balance, retuned, base = _with_known_inertia(balance, retuned, base, file.axis.inertia if wrong else None)
+        instead = _instead_of_wrong_inertia(retuned.axis, file.axis)
+        balance, retuned, base = _with_known_inertia(balance, retuned, base, instead)
         remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
 
     progress(0.75, "looking for structure that remains")
@@ -144,6 +144,11 @@ def _with_known_inertia(
 def _wrong_inertia(fitted: Axis, believed: Axis) -> bool:
     """Whether a fitted inertia is further from the believed one than that is expected to be wrong."""
     return abs(math.log(fitted.inertia / believed.inertia)) >= WRONG_INERTIA
+
+
+def _instead_of_wrong_inertia(fitted: Axis, believed: Axis) -> float | None:
+    """The believed inertia (kg m^2) where a fitted one is wrong; None where that may stay."""
+    return believed.inertia if _wrong_inertia(fitted, believed) else None
 
 
 def _inertia_beside(balance: TorqueBalance, selection: Selection, believed: Axis) -> float | None:

@@ -67,10 +67,10 @@ def _bag(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:
         topics = {channel.topic for channel in bag.channels}
         begun = {axis.name: _begin(bag, heads, axis, found.name) for axis in axes}
     fitting = [axis for axis in axes if (start := begun[axis.name]) is not None and axis.fits(found.name, topics, start)]
-    if not fitting and any(start is not None for start in begun.values()):
-        return replace(look, reason="no axis fits: one has its signals, but another path, topic or time")
     if not fitting:
-        return replace(look, reason=f"no axis fits{bag.lament()}: its topics are {', '.join(sorted(topics))}")
+        carried = any(start is not None for start in begun.values())
+        why = "one has its signals, but another path, topic or time" if carried else f"its topics are {', '.join(sorted(topics))}"
+        return replace(look, reason=f"no axis fits{'' if carried else bag.lament()}: {why}")
     starts = tuple(begun[axis.name] or 0 for axis in fitting)
     samples = tuple(counts[axis.signals.position.topic] for axis in fitting)
     return replace(look, axes=tuple(axis.name for axis in fitting), starts=starts, samples=samples)

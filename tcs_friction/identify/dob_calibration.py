@@ -137,8 +137,6 @@ def comparisons_of(recording: Recording) -> list[Comparison]:
     return found
 
 
-
-
 def uniform_motion(t: Array, velocity: Array, seconds: float = 0.5, tolerance: float = 0.05) -> np.ndarray:
     """(n,) True where the velocity stays within `tolerance` of its mean over `seconds` around, and the axis does move.
 

@@ -243,7 +243,7 @@ def test_collisions_that_explain_little_are_described_only(fitted: tuple[TorqueB
     small = contest(balance, knocking, gap.identity, gain=1e4)
     found = concluded(fitted, small, improved=knocking)
     assert found.effects == ()
-    (backlash,) = found_effects(balance, Explanation(retuned, knocking, knocking, None, (), (small,)), axis())
+    (backlash,) = found_effects(balance, Explanation(retuned, knocking, knocking, None, (), (small,)), axis(), 0.3)
     assert backlash.probability < 0.5
 
 
@@ -274,7 +274,7 @@ def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
     """What a large effect's form does not meet comes back as regularly as an effect."""
     balance, retuned, both = fitted
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
-    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis())
+    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
     for size, floor, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
         one, noise = replace(small, torque_rms=size * large.torque_rms), floor * large.torque_rms
         assert _outshone(one, [large, one], noise) == outshone, (size, floor)

@@ -36,7 +36,7 @@ EDGE_SECONDS = 0.1  # at least: a torque that acts later than it is logged acts 
 NO_TEMPERATURE = 20.0  # degC, where none was recorded
 
 Segment = tuple[int, slice]  # number of the recording, samples of it
-Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, reference, torque, temperature, other signals (4 + s, n)
+Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, reference or NaN, torque, temperature, signals (4 + s, n)
 
 
 def prepare(

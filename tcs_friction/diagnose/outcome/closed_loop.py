@@ -18,6 +18,7 @@ from tcs_friction.config import AxisFile, Control
 from tcs_friction.control.loop import Cancellation, LoopRun, simulate_loop, ticks
 from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
+from tcs_friction.diagnose.fit.balance import rms
 from tcs_friction.diagnose.outcome.free_run import held_out_windows
 from tcs_friction.errors import TcsError
 from tcs_friction.physics.axis import Axis
@@ -79,10 +80,10 @@ class ClosedLoop:
         """Whether an axis with these errors (w,) predicts most of the tracking error, as under the recording's controller."""
         found = [self._within(s.reference[0] - s.position, begins) for s, begins in self._windows if s.reference is not None]
         tracking = np.concatenate([np.zeros(0), *found])
-        return bool(len(tracking) and _rms(errors) < PREDICTED * _rms(tracking))
+        return bool(len(tracking) and rms(errors) < PREDICTED * rms(tracking))
 
     def _within(self, away: np.ndarray, begins: np.ndarray) -> np.ndarray:
-        return np.array([_rms(away[k : k + self._length]) for k in begins])
+        return np.array([rms(away[k : k + self._length]) for k in begins])
 
 
 def closed_loop(data: DataSet, file: AxisFile, horizon: float) -> ClosedLoop | None:
@@ -107,7 +108,3 @@ def _followed(s: Stretch, names: tuple[str, ...], control: Control, believed: Ax
         exogenous={name: signals[name] for name in dict.fromkeys([*signals_of(axis), *signals_of(believed)])},
         cancellation=Cancellation(believed),
     )
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

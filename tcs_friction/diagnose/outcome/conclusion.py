@@ -57,7 +57,11 @@ class _Moved:
     @property
     def improved_is_worse(self) -> bool:
         """Whether the improved axis moves worse than the retuned one."""
-        return bool(self.errors) and moves_worse(self.errors["improved"], self.errors["retuned"])
+        return moves_worse(self.errors["improved"], self.errors["retuned"])
+
+    def typical(self) -> dict[str, float]:
+        """The typical error of each axis by name."""
+        return {name: typical(windows) for name, windows in self.errors.items()}
 
     def worse(self, axis: Axis) -> bool:
         """Whether an axis moves worse than the retuned one."""
@@ -78,20 +82,20 @@ class _Conclusion:
         residuals = {name: self._residual(axis) for name, axis in axes.items()}
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
         located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
-        every = found_effects(self.balance, self.explanation, believed)
-        proofs = self._proofs_in_motion(axes)
-        runs, loops = ({name: typical(windows) for name, windows in proof.errors.items()} for proof in proofs)
+        floor = noise_floor(self.balance, residuals["improved"])
+        every = found_effects(self.balance, self.explanation, believed, floor)
+        free, loop = _Moved.of(partial(window_errors, data), axes), self._followed(axes)
         worse_in_all = self._effects_predict_worse()
         established = tuple(one for one in every if one.established and not worse_in_all)
-        worse = self._with_which_it_moves_worse(established, proofs)
+        worse = self._with_which_it_moves_worse(established, [free, *([loop] if loop else [])])
         found = tuple(one for one in established if one not in worse)
         described = tuple(one for one in every if one not in found)
-        floor = noise_floor(self.balance, residuals["improved"])
         unexplained = self._unexplained(errors, floor, described)
         if not (found or unexplained.present) and _retuning_fails(errors, floor):
             left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
             unexplained = Unexplained(True, left, {"coordinates": ["time"]})
-        moves_better = runs["improved"] <= runs["retuned"] and not proofs[1].improved_is_worse
+        runs = free.typical()
+        moves_better = runs["improved"] <= runs["retuned"] and not (loop and loop.improved_is_worse)
         verdict = self._verdict(errors, unexplained, found, moves_better)
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
         lines = (*limits(data, believed), *passed_once(data, [i for i in fit.axis.effects if not i.term.tabulated]))
@@ -111,7 +115,7 @@ class _Conclusion:
             improved=errors["improved"],
             horizon=usable_horizon(data),
             free_run=runs,
-            closed_loop=loops,
+            closed_loop=loop.typical() if loop else {},
             atlas=tuple(_atlas_mapping(entry) for entry in located),
             next_experiment=self._experiment(found, floor),
             limits=lines,
@@ -134,22 +138,18 @@ class _Conclusion:
         retuned, improved = (self._errors(self._residual(x.axis)) for x in (self.explanation.retuned, self.explanation.unmapped))
         return improved.held_out > (1.0 + FLOOR_ERROR) * retuned.held_out
 
-    def _proofs_in_motion(self, axes: Mapping[str, Axis]) -> tuple[_Moved, _Moved]:
-        """How the axes move in a free run and in a closed loop; the latter without errors where there is none."""
-        data, horizon = self.balance.data, usable_horizon(self.balance.data)
-        free = _Moved.of(partial(window_errors, data), axes)
-        loop = closed_loop(data, self.file, horizon)
-        followed = _Moved.of(loop.errors, axes) if loop is not None else _Moved(free.of_axis, {})
-        if loop is not None and not any(map(loop.predicts, followed.errors.values())):
-            followed = replace(followed, errors={})
-        return free, followed
+    def _followed(self, axes: Mapping[str, Axis]) -> _Moved | None:
+        """How the axes move in the closed loop; None without one, or where none of them predicts what was recorded of it."""
+        loop = closed_loop(self.balance.data, self.file, usable_horizon(self.balance.data))
+        followed = _Moved.of(loop.errors, axes) if loop is not None else None
+        return followed if loop and followed and any(map(loop.predicts, followed.errors.values())) else None
 
     def _with_which_it_moves_worse(self, found: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
         """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not."""
         explanation = self.explanation
-        mapped = explanation.unmapped is not explanation.improved
-        worse = [proof for proof in proofs if proof.improved_is_worse]
-        worse = [proof for proof in worse if not mapped or proof.worse(explanation.unmapped.axis)]  # or the map moves worse
+        worse = [proof for proof in proofs if found and proof.improved_is_worse]
+        if explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
+            worse = [proof for proof in worse if proof.worse(explanation.unmapped.axis)]
         return tuple(one for one in found if any(not proof.worse(explanation.without(one.instance).axis) for proof in worse))
 
     def _residual(self, axis: Axis) -> np.ndarray:

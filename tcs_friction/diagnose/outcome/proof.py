@@ -15,7 +15,6 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.fit.noise_estimate import noise_floor
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on
 from tcs_friction.diagnose.outcome.explanation import Explanation
@@ -36,13 +35,12 @@ OUTSHONE = 0.3  # of another effect's torque, that one within the noise must hav
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
-def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Axis) -> tuple[Found, ...]:
-    """What an explanation adds to a believed axis, largest torque first; learned maps are no effects."""
+def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Axis, floor: float) -> tuple[Found, ...]:
+    """What an explanation adds to a believed axis, largest torque first; learned maps are no effects. floor: of noise, N m."""
     proof = _Proof(balance, explanation)
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     named = [one for one in found if one.established]
-    floor = noise_floor(balance, proof.residual(proof.fit.axis))
     found = [replace(one, established=one.established and not _outshone(one, named, floor)) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
 
@@ -112,7 +110,7 @@ class _Proof:
             established=certainty >= NAMED
             and left[1] <= (1.0 + FLOOR_ERROR) * left[0]
             and _resolved(item, parameters)
-            and not self._echoes(item, rms(torque))
+            and not self._echoes(item, rms(torque)),
         )
 
     def _echoes(self, item: Instance, size: float) -> bool:
