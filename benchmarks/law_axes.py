@@ -21,6 +21,9 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "damping": (0.4, 0.9),  # times the critical one
     "viscous": (350.0, 650.0),
     "exponent": (0.8, 2.2),
+    "shape_1": (0.85, 1.15),
+    "shape_2": (0.85, 1.15),
+    "shape_3": (0.85, 1.15),
     "transient": (15.0, 40.0),
     "presliding_distance": (6e-4, 1.5e-3),
     "ratio": (0.2, 0.5),

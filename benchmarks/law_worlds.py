@@ -41,6 +41,7 @@ CONTAINS: Mapping[str, frozenset[str]] = {
     "stribeck_static": frozenset({"coulomb_viscous"}),
     "dahl_viscous": frozenset({"coulomb_viscous"}),
     "lugre": frozenset({"coulomb_viscous", "stribeck_static", "dahl_viscous"}),
+    "free_curve": frozenset({"coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre"}),  # closely enough
     "reset_integrator": frozenset({"coulomb_viscous"}),
     "bliman_sorine": frozenset({"coulomb_viscous", "dahl_viscous"}),
     "maxwell_slip": frozenset({"coulomb_viscous", "stribeck_static"}),

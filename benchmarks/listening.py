@@ -69,6 +69,7 @@ class Listening:
         self._over.set()
         if self._thread.is_alive():
             self._thread.join()
+        self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown()
 

@@ -99,12 +99,14 @@ def test_time_grows_with_the_size_of_the_file_and_no_faster() -> None:
     """Ten times the values against as many times the time, with room for what the machine does beside."""
 
     def seconds(count: int) -> float:
-        text = "[" + ", ".join(["{a: 1.5, b: [x, 2]}"] * count) + "]"
-        begin = time.process_time()
-        parse_yaml(text, "here")
-        return time.process_time() - begin
+        """The least of three times."""
+        text, taken = "[" + ", ".join(["{a: 1.5, b: [x, 2]}"] * count) + "]", []
+        for _ in range(3):
+            begin = time.process_time()
+            parse_yaml(text, "here")
+            taken.append(time.process_time() - begin)
+        return min(taken)
 
-    seconds(100)
     assert seconds(4_000) < 40 * seconds(400)
 
 

@@ -38,7 +38,7 @@ from tcs_friction.physics.terms import Feature, Survey, Term, instance
 from tcs_friction.recording.recording import Recording
 
 SURVEY = Survey((-0.5, 0.5), 1e-5, 5e-3, 0.0, 80.0, 20.0, 5e-8, 1000.0, 60.0, 0.0)
-VALUES = LUGRE | {"exponent": 2.0}
+VALUES = LUGRE | {"exponent": 2.0, "shape_1": 0.9, "shape_2": 1.1, "shape_3": 0.85}
 
 
 class FakeSquares(float):
@@ -58,7 +58,7 @@ class FakeFit(NamedTuple):
 
 def with_law(name: str, factor: float = 1.0) -> Axis:
     """The axis of the open-loop cases with another law, its values off by a factor."""
-    values = {p.name: factor * VALUES[p.name] for p in law(name).parameters if p.name in LUGRE}
+    values = {p.name: factor * VALUES[p.name] for p in law(name).parameters if p.name in VALUES}
     return replace(axis(), friction=instance(law(name), values))
 
 
@@ -132,6 +132,29 @@ def test_a_law_is_like_friction_and_shown_by_the_motion(turns: int, changed: dic
     view = replace(SURVEY, turns=lambda bristle: [(0.0, 1.0)] * turns if bristle < 0.01 else [])
     rich = with_law("lugre").friction
     assert _implausible(with_law("coulomb_viscous").friction, rich.replace(**changed), view) is not worth
+
+
+def test_of_a_law_that_rises_with_the_speed_no_drop_is_lacking(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A free curve may rise; it is taken, and it is told from laws whose friction is the same at all speeds."""
+    rising = with_law("free_curve").friction.replace(static=50.0)
+    view = replace(SURVEY, turns=lambda _: [(0.0, 1.0)] * 8)
+    assert not _implausible(with_law("dahl_viscous").friction, rising, view)
+    fit = cast(Fit, FakeFit(replace(axis(), friction=rising), FakeSquares(100.0), free=(0, 1, 2)))
+
+    worse = cast(Fit, FakeFit(with_law("dahl_viscous"), FakeSquares(900.0), free=(0, 1)))
+    monkeypatch.setattr(laws, "law_candidates", lambda *_: [LawCandidate(worse, 0.0, 10.0, plausible=True)])
+    monkeypatch.setattr(laws, "threshold", lambda *_: 10.0)
+    assert lacks(cast(TorqueBalance, None), fit, with_law("dahl_viscous")) == (fit, ())
+
+
+def test_a_curve_that_no_other_law_has_is_found_and_its_drop_named() -> None:
+    found = diagnose([tracked("free_curve")], AxisFile(with_law("dahl_viscous", 1.1)))
+    assert [one.effect for one in found.effects] == ["stribeck"]
+    assert found.axis_file.axis.friction.term.id == "free_curve"
+    assert found.improved.held_out < 1.2 * found.noise_floor
+    drop = found.effects[0].parameters["drop"]
+    assert drop["value"] == pytest.approx(30.0, abs=3.0 * drop["std"])
+    assert drop["value"] > 3.0 * drop["std"]
 
 
 def test_two_laws_that_do_as_well_as_each_other_are_not_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -92,8 +92,9 @@ def test_a_plant_that_is_back_starts_a_new_run(processes: Any, listener: Any) ->
 
     assert wait_until(lambda: after() > 200, 60.0), listener.health
     back = len(listener.states) - after()
-    loop = offline(duration=10.0)
-    for state in listener.states[back : back + 100]:
+    run = listener.states[back : back + 100]  # from where the listener has found the new plant
+    loop = offline(duration=1.0 + max(state[0] for state in run) / SECOND)
+    for state in run:
         index = round(state[0] / 1e6)
         assert state[1:] == (loop.position[index], loop.velocity[index], loop.torque[index])
     assert all(processes.alive(name) for name in LOOP)

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import ROOT, wait_until
 
@@ -140,6 +141,17 @@ def test_a_joint_is_found_moved_and_let_go(beside: Callable[..., tuple[Any, Any,
     driver.trigger_deactivate()
     assert graph.until(lambda: robot.acts(0.0), 10.0)
     assert graph.until(lambda: driver.hardware._command is None, 10.0), "others may command now"
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_the_period_of_the_states_is_found_although_some_are_late_or_lost(lost: float) -> None:
+    from tcs_friction.nodes.drivers.ros2_control import PERIOD_SHARE, usual_period
+
+    random = np.random.default_rng(5)
+    for _ in range(200):
+        stamps = PERIOD * np.arange(200.0) + random.exponential(0.1 * PERIOD, 200)  # late by a tenth on the average
+        kept = np.diff(stamps[random.random(200) >= lost])[:50]
+        assert abs(usual_period(list(kept)) - PERIOD) < PERIOD_SHARE * PERIOD
 
 
 def test_states_that_are_lost_late_swapped_or_missing(beside: Callable[..., tuple[Any, Any, Robot]]) -> None:

@@ -41,7 +41,21 @@ BAM = instance(
         "load_stribeck": 0.05,
     },
 )
-EXTRA = (BLIMAN, RESET, MAXWELL, BAM)
+FREE = instance(
+    law("free_curve"),
+    {
+        "coulomb": 78.0,
+        "static": 110.0,
+        "stribeck_velocity": 2e-4,
+        "shape_1": 1.2,
+        "shape_2": 0.7,
+        "shape_3": 1.1,
+        "stiffness": 3e5,
+        "damping": 100.0,
+        "viscous": 500.0,
+    },
+)
+EXTRA = (BLIMAN, RESET, MAXWELL, BAM, FREE)
 
 
 def walked(chosen: Instance, position: np.ndarray, dt: float, torque: float = 0.0) -> np.ndarray:
@@ -67,6 +81,7 @@ def test_all_laws_of_the_contract_are_there() -> None:
         "bliman_sorine",
         "maxwell_slip",
         "bam",
+        "free_curve",
     }
     assert named <= set(laws())
 
@@ -131,6 +146,30 @@ def test_maxwell_slip_starts_with_its_stiffness_and_remembers_the_outer_loop() -
 
 def test_maxwell_slip_keeps_torque_and_share_of_each_element() -> None:
     assert MAXWELL.term.state_size(MAXWELL.values, 1e-3) == 2 * 10 + 1
+
+
+def slid(chosen: Instance, speed: float) -> float:
+    """Friction torque, N m, where the axis has slid long at a speed (rad/s)."""
+    return float(walked(chosen, 1e-5 * np.arange(3000), 1e-5 / speed)[-1])
+
+
+def test_a_free_curve_goes_through_its_knots() -> None:
+    still = FREE.replace(viscous=0.0)
+    knots = 2e-4 * 3.0 ** np.arange(-2.0, 3.0)
+    even = 110.0 * (78.0 / 110.0) ** (np.arange(5) / 4.0)
+    levels = even * [1.0, 1.2, 0.7, 1.1, 1.0]
+    assert [slid(still, v) for v in knots] == pytest.approx(levels, rel=1e-6)
+    between = np.sqrt(knots[1:] * knots[:-1])
+    assert [slid(still, v) for v in between] == pytest.approx(np.sqrt(levels[1:] * levels[:-1]), rel=1e-6)
+    assert slid(still, 0.01 * knots[0]) == pytest.approx(110.0)
+    assert slid(still, 100.0 * knots[-1]) == pytest.approx(78.0)
+
+
+def test_a_free_curve_that_is_flat_is_lugre() -> None:
+    values = {"coulomb": 78.0, "static": 78.0, "stribeck_velocity": 2e-4, "stiffness": 3e5, "damping": 1e4, "viscous": 500.0}
+    position = 1e-3 * np.sin(2.0 * np.pi * 0.5 * 1e-3 * np.arange(4000))
+    flat, lugre = (walked(instance(law(name), values), position, 1e-3) for name in ("free_curve", "lugre"))
+    assert flat == pytest.approx(lugre, abs=1e-9)
 
 
 def test_bam_grows_with_the_load() -> None:

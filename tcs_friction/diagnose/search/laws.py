@@ -221,7 +221,13 @@ def _implausible(own: Instance, law: Instance, view: Survey) -> bool:
     if not within_search(law, view, new):
         return True
     parts = [completing(effect, law) for effect in missing_features(law.term, own.term)]
-    return any(part.term.implausible(part.values, view) for part in parts)
+    return any(part.term.implausible(part.values, view) for part in parts if _does_something(part))
+
+
+def _does_something(part: Instance) -> bool:
+    """Whether an effect that completes a law has a torque: of a law with static below Coulomb friction no drop is lacking."""
+    sizes = [part.values[p.name] for p in part.term.parameters if p.role is Role.LINEAR]
+    return any(sizes) or not sizes
 
 
 def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[Lack, ...]]:
@@ -242,7 +248,9 @@ def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[
             needed = threshold(balance, [better], max(len(fit.free) - len(simpler.free), 1))
             if simpler.axis.friction.term.features < better.features and loss(simpler) < needed:
                 return lacks(balance, settle(balance, simpler.axis, simpler.noise, rounds=1), believed)
-        found.append(Lack(completing(effect, fit.axis.friction), fits[0], loss(fits[0])))
+        part = completing(effect, fit.axis.friction)
+        if _does_something(part):
+            found.append(Lack(part, fits[0], loss(fits[0])))
     return fit, tuple(found)
 
 

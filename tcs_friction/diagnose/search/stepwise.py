@@ -93,7 +93,7 @@ def select_effects(
         candidates = [c for c in candidates if _kinds(c.fit.axis) not in refused]
         best = _worth_adding(balance, base, fit, candidates)
         if law_is_open or best is None or any(item.term.features for item in best.items):
-            law = _better_law(balance, fit, believed, excluded, best)
+            law = _better_law(balance, base, fit, believed, excluded, best)
             law_is_open = law is not None and number < MOST_LAWS
             if law is not None:
                 base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
@@ -142,19 +142,21 @@ def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Seque
 
 
 def _better_law(
-    balance: TorqueBalance, fit: Fit, believed: Axis, excluded: frozenset[str], effect: Candidate | None
+    balance: TorqueBalance, base: Fit, fit: Fit, believed: Axis, excluded: frozenset[str], effect: Candidate | None
 ) -> Fit | None:
     """The fit with another friction law that does as well as the best effect, None where there is none.
 
     If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law. Where
-    the residual is as small as its noise no law is looked for.
+    the residual is as small as its noise no law is looked for, and no gain counts that the errors of the fit's effects may give.
     """
     found = misfit(balance, balance.residual(fit.axis, fit.noise))
     if found < 1.0 + NOISE_SHARE:
         return None
     best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis, excluded), believed))
-    if best is None or effect is None:
-        return None if best is None else best.fit
+    if best is None or best.gain < imperfection(base, fit, balance):
+        return None
+    if effect is None:
+        return best.fit
     simpler = len(effect.fit.free) < len(best.fit.free) and not any(item.term.features for item in effect.items)
     needed = DISTINGUISHABLE * found if simpler else -DISTINGUISHABLE * found
     return best.fit if best.score - effect.score >= needed else None

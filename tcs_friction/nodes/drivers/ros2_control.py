@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from statistics import median
 from typing import Any
 
@@ -31,7 +31,7 @@ from tcs_friction.nodes.wire import message_of
 STATES = "/joint_states"
 LOOK_EVERY = 0.1  # s
 INTERVALS = 50
-"""Intervals between stamps of which the median is the robot's period; a lost or late message does not move it."""
+"""Intervals between stamps from which the robot's period is estimated."""
 PERIOD_SHARE = 0.1
 """By how much the robot's period may differ from parameter `period`."""
 REPEATED = 1.0
@@ -41,6 +41,12 @@ LAST_WORDS = 0.2
 NOT_LOOKED = "the robot's controller is being looked at"
 CONTRADICTED = 1.0
 """s for which a second publisher of joint states that contradicts the first counts."""
+
+
+def usual_period(intervals: Collection[float]) -> float:
+    """The period (s) behind intervals between stamps (s); one about twice the median is two periods: a state was lost."""
+    typical = median(intervals)
+    return sum(intervals) / sum(round(interval / typical) for interval in intervals)
 
 
 class RobotJoint(Hardware):
@@ -174,7 +180,7 @@ class RobotJoint(Hardware):
     def _states_objection(self, now: float) -> str:
         if len(self._intervals) < INTERVALS // 2:
             return f"the rate of {STATES} is not known yet"
-        period, wanted = median(self._intervals), self._config.period
+        period, wanted = usual_period(self._intervals), self._config.period
         self._node.health.values["period of the robot [s]"] = f"{period:.6g}"
         if abs(period - wanted) > PERIOD_SHARE * wanted:
             return f"{STATES} come every {period:.6g} s, expected {wanted:g} s: set the parameter period of all nodes"

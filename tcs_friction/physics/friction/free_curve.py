@@ -1,0 +1,135 @@
+"""A bristle under a dry friction that is a free curve over the speed: for friction that falls or rises as no formula has it.
+
+    dz/dt = v - stiffness |v| / g(v) z
+    F     = stiffness z + damping dz/dt + viscous v
+
+ln g is linear in ln |v| between five knots at stribeck_velocity (1/9, 1/3, 1, 3, 9): static at the first one and below it,
+coulomb at the last one and above it. The three between are multiples (shape_1 to shape_3) of a fall that is even in ln |v|.
+With the right curve it is every law of LuGre's kind (Canudas de Wit et al. 1995), with any Stribeck curve of Armstrong-Helouvry
+et al. (1994).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from numba import njit
+
+from tcs_friction.physics.friction.lugre import (
+    COULOMB,
+    DAMPING,
+    STATIC,
+    STIFFNESS,
+    STRIBECK_VELOCITY,
+    USUAL_STATIC,
+    VISCOUS_COEFFICIENT,
+    bristle,
+    bristle_step,
+    bristle_widths,
+    level_before,
+    rate,
+    scaled,
+    stribeck_velocities,
+)
+from tcs_friction.physics.terms import (
+    DRY,
+    LEVEL,
+    MOBILISED,
+    TRAVEL,
+    VELOCITY,
+    VISCOUS,
+    VISCOUS_SCALE,
+    Feature,
+    Parameter,
+    Place,
+    Survey,
+    Term,
+    kernel,
+)
+
+APART = 3.0  # factor between the speeds of two knots
+INNER = 3  # knots between the first and the last
+
+
+@njit(cache=True, error_model="numpy")
+def free_level(velocity: float, parameters: Any) -> float:
+    """Dry friction available at this velocity, N m; parameters: coulomb, static, stribeck_velocity, the inner shapes."""
+    coulomb, static, speed = parameters[0], parameters[1], abs(velocity)
+    first = parameters[2] / APART ** (0.5 * (INNER + 1))
+    if speed <= first:
+        return float(static)
+    passed = math.log(speed / first) / math.log(APART)
+    if passed >= INNER + 1:
+        return float(coulomb)
+    before = int(passed)
+    share = passed - before
+    left = parameters[2 + before] if before > 0 else 1.0
+    right = parameters[3 + before] if before < INNER else 1.0
+    even = static * (coulomb / static) ** (passed / (INNER + 1))
+    return float(even * left * (right / left) ** share)
+
+
+@kernel
+def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: deflection z, rad."""
+    sigma0, sigma1, sigma2 = parameters[3 + INNER], parameters[4 + INNER], parameters[5 + INNER]
+    v = motion[VELOCITY]
+    g = scaled(motion, free_level(v, parameters))
+    z = bristle_step(state[0], motion[TRAVEL], level_before(motion, g), g, sigma0)
+    state[0] = z
+    share = sigma0 * z / g
+    motion[DRY] = sigma0 * z + sigma1 * (v - abs(v) * share)
+    motion[VISCOUS] = sigma2 * v * motion[VISCOUS_SCALE]
+    motion[LEVEL] = g
+    motion[MOBILISED] = min(max(share, -1.0), 1.0)
+    return float(motion[DRY] + motion[VISCOUS])
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    return [
+        {
+            "static": USUAL_STATIC * survey.level,
+            "stribeck_velocity": velocity,
+            "stiffness": survey.level / width,
+            "damping": math.sqrt(survey.level / width * survey.inertia),
+        }
+        for width in bristle_widths(survey)
+        for velocity in stribeck_velocities(survey)
+    ]
+
+
+def _shape(number: int) -> Parameter:
+    return Parameter(
+        f"shape_{number}",
+        "",
+        f"friction at inner knot {number} over an even fall",
+        lower=0.1,
+        upper=10.0,
+        default=1.0,
+        feature=Feature.STRIBECK,
+        stated=False,
+    )
+
+
+TERM = Term(
+    id="free_curve",
+    place=Place.LAW,
+    form="F = sigma0 z + sigma1 dz/dt + sigma2 v, dz/dt = v - sigma0 |v|/g(v) z, g a free curve",
+    parameters=(
+        COULOMB,
+        STATIC,
+        STRIBECK_VELOCITY,
+        *(_shape(1 + k) for k in range(INNER)),
+        STIFFNESS,
+        DAMPING,
+        VISCOUS_COEFFICIENT,
+    ),
+    kernel=friction,
+    reads=(),
+    states=1,
+    scan=scan,
+    rate=rate,
+    bristle=bristle,
+)
