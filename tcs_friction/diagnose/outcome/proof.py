@@ -66,25 +66,29 @@ class _Proof:
         gain = contest.gain if contest is not None else 0.0
         kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
         torque = self.residual(fit.axis.without_effect(item)) - self.residual(fit.axis)
-        return self._proven(item, kinds, self._parameters(item), torque, gain, fit.numbers_of(item))
+        return self._proven(item, kinds, self._parameters(item), self._rms(torque), gain, fit.numbers_of(item))
 
     def lacked(self, lack: Lack) -> Found:
         """What the believed law lacks of the improved axis' law, with its proof."""
         fit = self.fit
         torque = self.residual(lack.without.axis) - self.residual(fit.axis)
         count = max(len(fit.free) - len(lack.without.free), 1)
-        return self._proven(lack.effect, (), self._parameters_of_law(lack), torque, lack.gain, count)
+        return self._proven(lack.effect, (), self._parameters_of_law(lack), self._rms(torque), lack.gain, count)
+
+    def _rms(self, torque: np.ndarray) -> float:
+        """Of a torque (n,), N m, where the recording is compared with the model: not where friction is unknown, as at rest."""
+        return rms(torque[self.balance.train | self.balance.held_out])
 
     def _proven(
         self,
         item: Instance,
         equivalent: tuple[Kind, ...],
         parameters: Mapping[str, Mapping[str, Any]],
-        torque: np.ndarray,
+        size: float,
         gain: float,
         count: int,
     ) -> Found:
-        """An effect with this torque (n,), which `count` free numbers and this gain tell from the fit without it.
+        """An effect with this torque (size, N m rms), which `count` free numbers and this gain tell from the fit without it.
 
         A map has no part in it: what it predicts is no proof of an effect.
         """
@@ -102,7 +106,7 @@ class _Proof:
             probability=certainty / (1 + len(equivalent)),
             parameters=parameters,
             where=where(item, fit.axis),
-            torque_rms=rms(torque),
+            torque_rms=size,
             before=left[0],
             after=left[1],
             delta_bic=penalty - gain,
@@ -110,7 +114,7 @@ class _Proof:
             established=certainty >= NAMED
             and left[1] <= (1.0 + FLOOR_ERROR) * left[0]
             and _resolved(item, parameters)
-            and not self._echoes(item, rms(torque)),
+            and not self._echoes(item, size),
         )
 
     def _echoes(self, item: Instance, size: float) -> bool:
@@ -131,7 +135,7 @@ class _Proof:
     def _size(self, item: Instance) -> float:
         """Torque of an effect of the improved axis, N m rms."""
         axis = self.fit.axis
-        return rms(self.residual(axis.without_effect(item)) - self.residual(axis))
+        return self._rms(self.residual(axis.without_effect(item)) - self.residual(axis))
 
     def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
         """What a law says of an effect that completes it, with standard deviations to first order."""
