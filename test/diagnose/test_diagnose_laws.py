@@ -119,6 +119,11 @@ def test_a_law_with_what_the_data_cannot_carry_takes_no_place() -> None:
     assert other_laws(own, frozenset({"presliding", "stribeck"})) == []
 
 
+def test_at_one_speed_no_other_form_of_the_curve_takes_its_place() -> None:
+    every, at_one_speed = other_laws(with_law("lugre")), other_laws(with_law("lugre"), frozenset({"stribeck"}))
+    assert {term.id for term in every} - {term.id for term in at_one_speed} == {"free_curve"}
+
+
 @pytest.mark.parametrize(
     ("turns", "changed", "worth"),
     [

@@ -80,11 +80,13 @@ def unloaded_laws() -> list[Term]:
 def other_laws(axis: Axis, excluded: frozenset[str] = frozenset()) -> list[Term]:
     """The laws that can take the place of an axis' own: they have all of its features.
 
-    excluded: ids of effects that the data cannot carry; a law that differs by what such an effect stands for is none.
+    excluded: ids of effects that the data cannot carry; a law that differs by what such an effect stands for is none, also where
+    it only has another form of that.
     """
     own = axis.friction.term
+    known, hidden = {p.name for p in own.parameters}, {f for name in excluded for f in effects()[name].features}
     better = [term for term in unloaded_laws() if term is not own and term.features >= own.features]
-    return [term for term in better if not any(effect.id in excluded for effect in missing_features(term, own))]
+    return [term for term in better if not any(p.feature in hidden for p in term.parameters if p.name not in known)]
 
 
 def law_candidates(
