@@ -145,13 +145,13 @@ def test_a_joint_is_found_moved_and_let_go(beside: Callable[..., tuple[Any, Any,
 
 @pytest.mark.parametrize("lost", [0.0, 0.3])
 def test_the_period_of_the_states_is_found_although_some_are_late_or_lost(lost: float) -> None:
-    from tcs_friction.nodes.drivers.ros2_control import PERIOD_SHARE, usual_period
+    from tcs_friction.nodes.drivers.ros2_control import PERIOD_SHARE, state_period
 
     random = np.random.default_rng(5)
     for _ in range(200):
         stamps = PERIOD * np.arange(200.0) + random.exponential(0.1 * PERIOD, 200)  # late by a tenth on the average
         kept = np.diff(stamps[random.random(200) >= lost])[:50]
-        assert abs(usual_period(list(kept)) - PERIOD) < PERIOD_SHARE * PERIOD
+        assert abs(state_period(list(kept)) - PERIOD) < PERIOD_SHARE * PERIOD
 
 
 def test_states_that_are_lost_late_swapped_or_missing(beside: Callable[..., tuple[Any, Any, Robot]]) -> None:

@@ -43,7 +43,7 @@ CONTRADICTED = 1.0
 """s for which a second publisher of joint states that contradicts the first counts."""
 
 
-def usual_period(intervals: Collection[float]) -> float:
+def state_period(intervals: Collection[float]) -> float:
     """The period (s) behind intervals between stamps (s); one about twice the median is two periods: a state was lost."""
     typical = median(intervals)
     return sum(intervals) / sum(round(interval / typical) for interval in intervals)
@@ -180,7 +180,7 @@ class RobotJoint(Hardware):
     def _states_objection(self, now: float) -> str:
         if len(self._intervals) < INTERVALS // 2:
             return f"the rate of {STATES} is not known yet"
-        period, wanted = usual_period(self._intervals), self._config.period
+        period, wanted = state_period(self._intervals), self._config.period
         self._node.health.values["period of the robot [s]"] = f"{period:.6g}"
         if abs(period - wanted) > PERIOD_SHARE * wanted:
             return f"{STATES} come every {period:.6g} s, expected {wanted:g} s: set the parameter period of all nodes"

@@ -23,31 +23,13 @@ from tcs_friction.physics.friction.lugre import (
     STATIC,
     STIFFNESS,
     STRIBECK_VELOCITY,
-    USUAL_STATIC,
     VISCOUS_COEFFICIENT,
     bristle,
-    bristle_step,
-    bristle_widths,
-    level_before,
+    bristle_friction,
     rate,
-    scaled,
-    stribeck_velocities,
+    starts,
 )
-from tcs_friction.physics.terms import (
-    DRY,
-    LEVEL,
-    MOBILISED,
-    TRAVEL,
-    VELOCITY,
-    VISCOUS,
-    VISCOUS_SCALE,
-    Feature,
-    Parameter,
-    Place,
-    Survey,
-    Term,
-    kernel,
-)
+from tcs_friction.physics.terms import VELOCITY, Feature, Parameter, Place, Survey, Term, kernel
 
 APART = 3.0  # factor between the speeds of two knots
 INNER = 3  # knots between the first and the last
@@ -74,30 +56,13 @@ def free_level(velocity: float, parameters: Any) -> float:
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     """State: deflection z, rad."""
-    sigma0, sigma1, sigma2 = parameters[3 + INNER], parameters[4 + INNER], parameters[5 + INNER]
-    v = motion[VELOCITY]
-    g = scaled(motion, free_level(v, parameters))
-    z = bristle_step(state[0], motion[TRAVEL], level_before(motion, g), g, sigma0)
-    state[0] = z
-    share = sigma0 * z / g
-    motion[DRY] = sigma0 * z + sigma1 * (v - abs(v) * share)
-    motion[VISCOUS] = sigma2 * v * motion[VISCOUS_SCALE]
-    motion[LEVEL] = g
-    motion[MOBILISED] = min(max(share, -1.0), 1.0)
-    return float(motion[DRY] + motion[VISCOUS])
+    level = free_level(motion[VELOCITY], parameters)
+    return bristle_friction(motion, state, level, parameters[3 + INNER], parameters[4 + INNER], parameters[5 + INNER])
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    return [
-        {
-            "static": USUAL_STATIC * survey.level,
-            "stribeck_velocity": velocity,
-            "stiffness": survey.level / width,
-            "damping": math.sqrt(survey.level / width * survey.inertia),
-        }
-        for width in bristle_widths(survey)
-        for velocity in stribeck_velocities(survey)
-    ]
+    """Starts with half the critical damping."""
+    return starts(survey, (1.0,))
 
 
 def _shape(number: int) -> Parameter:

@@ -95,12 +95,11 @@ def level_before(motion: Any, level: float) -> float:
     return float(motion[LEVEL] if motion[LEVEL] > 0.0 else level)
 
 
-@kernel
-def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: deflection z, rad."""
-    sigma0, sigma1, sigma2 = parameters[3], parameters[4], parameters[5]
+@njit(cache=True, error_model="numpy")
+def bristle_friction(motion: Any, state: Any, level: float, sigma0: float, sigma1: float, sigma2: float) -> float:
+    """Friction (N m) of LuGre's bristle at a dry level (N m) that SCALE terms may still change. State: deflection z, rad."""
     v = motion[VELOCITY]
-    g = scaled(motion, stribeck_level(v, parameters[0], parameters[1], parameters[2]))
+    g = scaled(motion, level)
     z = bristle_step(state[0], motion[TRAVEL], level_before(motion, g), g, sigma0)
     state[0] = z
     share = sigma0 * z / g
@@ -109,6 +108,13 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     motion[LEVEL] = g
     motion[MOBILISED] = min(max(share, -1.0), 1.0)
     return float(motion[DRY] + motion[VISCOUS])
+
+
+@kernel
+def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
+    """State: deflection z, rad."""
+    level = stribeck_level(motion[VELOCITY], parameters[0], parameters[1], parameters[2])
+    return bristle_friction(motion, state, level, parameters[3], parameters[4], parameters[5])
 
 
 def warnings(values: Mapping[str, float]) -> list[str]:
@@ -155,7 +161,8 @@ def damping_shares() -> tuple[float, float]:
     return 0.01, 1.0
 
 
-def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+def starts(survey: Survey, shares: Sequence[float]) -> Sequence[Mapping[str, float]]:
+    """Where to start a search for a damped bristle under a Stribeck curve; shares: damping over sqrt(stiffness inertia)."""
     return [
         {
             "static": USUAL_STATIC * survey.level,
@@ -164,9 +171,14 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
             "damping": share * math.sqrt(survey.level / width * survey.inertia),
         }
         for width in bristle_widths(survey)
-        for share in damping_shares()
+        for share in shares
         for velocity in stribeck_velocities(survey)
     ]
+
+
+def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Starts with hardly any damping, and with half the critical one."""
+    return starts(survey, damping_shares())
 
 
 COULOMB = Parameter("coulomb", "N m", "friction torque of steady sliding", lower=1e-12, feature=Feature.DRY)
