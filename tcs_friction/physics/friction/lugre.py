@@ -95,7 +95,7 @@ def level_before(motion: Any, level: float) -> float:
     return float(motion[LEVEL] if motion[LEVEL] > 0.0 else level)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def bristle_friction(motion: Any, state: Any, level: float, sigma0: float, sigma1: float, sigma2: float) -> float:
     """Friction (N m) of LuGre's bristle at a dry level (N m) that SCALE terms may still change. State: deflection z, rad."""
     v = motion[VELOCITY]
