@@ -16,7 +16,7 @@ from typing import Any
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import identify
-from tcs_friction.physics.registry import law, laws
+from tcs_friction.physics.registry import compared_laws, law
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.report.hardware import SIMPLEST, Subject, write_report
 from tcs_friction.writable import output_directory
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The benchmark's arguments."""
     parser.add_argument("--data", type=Path, help="folder of recordings")
     parser.add_argument("--only", nargs="*", metavar="NAME", help="names of recordings")
-    parser.add_argument("--laws", nargs="*", metavar="LAW", help=f"laws beside {SIMPLEST} (default: all)")
+    parser.add_argument("--laws", nargs="*", metavar="LAW", help=f"laws beside {SIMPLEST} (default: all that have a formula)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
         "-o",
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Identify, write the report, return the numbers."""
     folders = recordings_in(arguments.data or data_folder(), arguments.only)
-    names = sorted(laws()) if arguments.laws is None else sorted({SIMPLEST, *arguments.laws})
+    names = compared_laws() if arguments.laws is None else sorted({SIMPLEST, *arguments.laws})
     for name in names:
         law(name, "bench hardware: --laws")
     subjects = [subject_of(folder, names, arguments.seed) for folder in folders]

@@ -13,7 +13,7 @@ from tcs_friction.identify.motion import Data
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification, finite
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import laws
+from tcs_friction.physics.registry import compared_laws
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ def compare_laws(
     options: IdentifyOptions | None = None,
     names: Sequence[str] | None = None,
 ) -> Comparison:
-    """Identify every law (or those named) by the default method.
+    """Identify every law that has a formula (or those named) by the default method.
 
     Raises InputError when none can be fitted.
     """
     found: dict[str, Identification] = {}
     failed: dict[str, InputError] = {}
-    for name in names or sorted(laws()):
+    for name in names or compared_laws():
         if cancel() and found:
             break
         try:

@@ -87,6 +87,11 @@ def usual_law(features: frozenset[Feature]) -> Term:
     return next(term for term in laws().values() if term.usual and term.features == features)
 
 
+def compared_laws() -> list[str]:
+    """The friction laws that are compared where nobody names any: those with a formula, by name."""
+    return sorted(name for name, term in laws().items() if not term.free)
+
+
 def _get(known: Mapping[str, Term], name: str, where: str) -> Term:
     if name not in known:
         raise InputError(where, f"unknown name {name!r}", nearest(name, sorted(known)))

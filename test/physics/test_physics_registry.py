@@ -13,7 +13,16 @@ from tcs_friction.errors import InputError
 from tcs_friction.physics import registry
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.effects import torque_bias
-from tcs_friction.physics.registry import alignment, effect, effects, law, laws, tabulated, usual_law
+from tcs_friction.physics.registry import (
+    alignment,
+    compared_laws,
+    effect,
+    effects,
+    law,
+    laws,
+    tabulated,
+    usual_law,
+)
 from tcs_friction.physics.simulate import simulate_open_loop
 from tcs_friction.physics.terms import Feature, Place, instance
 
@@ -74,6 +83,7 @@ def test_the_whole_vocabulary_is_there() -> None:
     assert set(effects()) == VOCABULARY
     assert {"coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre"} <= set(laws())
     assert all(term.place is Place.LAW for term in laws().values())
+    assert set(laws()) - set(compared_laws()) == {"free_curve"}
     assert all(term.place is not Place.LAW for term in effects().values())
 
 

@@ -97,4 +97,5 @@ TERM = Term(
     scan=scan,
     rate=rate,
     bristle=bristle,
+    free=True,
 )
