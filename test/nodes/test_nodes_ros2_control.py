@@ -127,7 +127,7 @@ def test_a_joint_is_found_moved_and_let_go(beside: Callable[..., tuple[Any, Any,
     positions, efforts = zip(*[(state[1], state[3]) for state in robot.states[-50:]], strict=True)
     assert max(map(abs, positions)) < 0.01, "the axis' position, not the 0.25 rad of the others"
     assert efforts == (40.0,) * 50, "what was sent is taken for what the robot does not tell"
-    assert robot.acts(40.0)
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
 
     robot.torque = 150.5
     assert graph.until(lambda: robot.acts(0.0), 10.0)
@@ -160,7 +160,7 @@ def test_states_that_are_lost_late_swapped_or_missing(beside: Callable[..., tupl
     robot.set(lost=0.3)
     count = len(robot.states)
     assert graph.until(lambda: len(robot.states) > count + 100, 10.0)
-    assert robot.acts(40.0)
+    assert graph.until(lambda: robot.acts(40.0), 10.0), (driver.hardware.fault, driver.hardware.waits)
     robot.set(lost=0.0, late=0.5)
     assert graph.until(lambda: robot.acts(0.0), 10.0)
     assert graph.until(lambda: any("older than 0.3 s when they come" in text for text in driver.health._events), 10.0)
@@ -196,7 +196,7 @@ def test_a_controller_that_is_switched_off_or_commanded_by_others(beside: Callab
 
     rival = graph.driver.create_publisher(Float64MultiArray, "/effort_controller/commands", 10)
     graph.for_seconds(0.5)
-    assert robot.acts(40.0), "another publisher that is silent is none"
+    assert graph.until(lambda: robot.acts(40.0), 10.0), "another publisher that is silent is none"
     timer = graph.driver.create_timer(0.02, lambda: rival.publish(Float64MultiArray(data=[1.0, 2.0])))
     assert graph.until(lambda: "somebody else commands /effort_controller/commands" in driver.health.problem, 10.0)
     assert graph.until(lambda: driver.hardware._command is None, 10.0)
