@@ -31,6 +31,7 @@ from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Surve
 
 STARTS = 2  # of each law that are fitted jointly
 FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of the best start of each law
+FAR_WORSE = 2.0  # times the squares of the best law after the first steps: further steps win no tenth of that
 CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
 LONGEST_BRISTLE = 0.1  # of the travel: what bends over more of it is a spring or gravity
 LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts that was zero
@@ -90,12 +91,12 @@ def other_laws(axis: Axis, excluded: frozenset[str] = frozenset()) -> list[Term]
 
 
 def law_candidates(
-    balance: TorqueBalance, fit: Fit, terms: Sequence[Term], believed: Axis
+    balance: TorqueBalance, fit: Fit, terms: Sequence[Term], believed: Axis, beside_own: bool = False
 ) -> list[LawCandidate]:
-    """Each of these laws in the place of a fit's own, fitted jointly, best first.
+    """Each of these laws in the place of a fit's own, fitted jointly, best first; without those that are far worse.
 
     They start from the fit's own values and from the believed ones: while a law lacked something, its numbers may have gone
-    astray to stand in for that.
+    astray to stand in for that. beside_own: whether the fit's own law counts among those that others may be far worse than.
     """
     projected = ProjectedResidual(balance, fit)
     view = survey(balance, fit.axis)
@@ -110,7 +111,9 @@ def law_candidates(
     for (term, _), one in zip(starts, first, strict=True):
         if term.id not in best or best[term.id].squares - one.squares > 0.0:
             best[term.id] = one
-    finished = side_by_side(lambda one: fit_jointly(balance, one.axis, fit.noise, MORE_STEPS), best.values())
+    least = min(one.squares.value for one in [*best.values(), *[fit] * beside_own]) if best else 0.0
+    close = [one for one in best.values() if one.squares.value <= FAR_WORSE * least]
+    finished = side_by_side(lambda one: fit_jointly(balance, one.axis, fit.noise, MORE_STEPS), close)
     alternatives = float(max(len(starts), 1))
     judged = side_by_side(partial(_judged, balance, fit, view, projected.dispersion, alternatives), finished)
     return sorted(judged, key=lambda candidate: -candidate.score)

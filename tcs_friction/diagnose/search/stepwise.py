@@ -25,7 +25,7 @@ from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candida
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
 from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
-from tcs_friction.diagnose.search.laws import law_candidates, other_laws, simplest_law
+from tcs_friction.diagnose.search.laws import LawCandidate, law_candidates, other_laws, simplest_law
 from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import (
@@ -39,7 +39,7 @@ from tcs_friction.diagnose.search.significance import (
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Instance
+from tcs_friction.physics.terms import Instance, Term
 
 TRIED = 5  # candidates in a round that are fitted jointly
 CLOSE_BEHIND = 0.1  # of the best start's promise, from which a start is fitted jointly, too
@@ -148,11 +148,24 @@ def _better_law(
 
     If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law. Where
     the residual is as small as its noise no law is looked for, and no gain counts that the errors of the fit's effects may give.
+    A free curve is looked for where neither the effect nor a law with a formula leaves as little as the noise.
     """
-    found = misfit(balance, balance.residual(fit.axis, fit.noise))
+
+    def left(one: Fit) -> float:
+        return misfit(balance, balance.residual(one.axis, fit.noise))
+
+    def with_laws(terms: list[Term]) -> list[LawCandidate]:
+        return law_candidates(balance, fit, terms, believed, beside_own=True)
+
+    found = left(fit)
     if found < 1.0 + NOISE_SHARE:
         return None
-    best = simplest_law(balance, law_candidates(balance, fit, other_laws(fit.axis, excluded), believed))
+    terms = other_laws(fit.axis, excluded)
+    tried = with_laws([term for term in terms if not term.free])
+    others = [candidate.fit for candidate in tried] + ([effect.fit] if effect is not None else [])
+    if min(map(left, others), default=found) >= 1.0 + NOISE_SHARE:
+        tried += with_laws([term for term in terms if term.free])
+    best = simplest_law(balance, tried)
     if best is None or best.gain < imperfection(base, fit, balance):
         return None
     if effect is None:
