@@ -69,7 +69,7 @@ def test_a_rival_that_does_better_in_a_part_of_the_data_is_equivalent(fitted: tu
     balance, fit = fitted
     mean = unfitted(balance, fit.axis.with_effect(BIAS.replace(bias=1.2)), fit.noise)
     larger, far = rival(fitted, 95.0, BIAS.replace(bias=1.3)), rival(fitted, 85.0, BIAS.replace(bias=1.3))
-    assert _tied(balance, mean, 100.0, [larger, far]) == (larger,), "one that explains much less is no rival"
+    assert _tied(balance, mean, BIAS, 100.0, [larger, far]) == (larger,), "one that explains much less is no rival"
     contest = Contest(1, Kind("imbalance"), fit, 100.0, 1.0, (larger, far), (larger,))
     assert contest.equivalent == (larger,)
 
@@ -82,7 +82,7 @@ def test_a_rival_that_is_worse_everywhere_is_not_equivalent(fitted: tuple[Torque
     for way in (0.01, -0.01, 0.3):
         off = right.axis.without_effect(bias).with_effect(bias.replace(bias=bias.values["bias"] + way))
         other = Candidate(99.0, 20.0, replace(right, axis=off), as_start(bias))
-        assert _tied(balance, right, 100.0, [other]) == (), way
+        assert _tied(balance, right, bias, 100.0, [other]) == (), way
 
 
 def test_one_effect_through_two_signals_is_two_kinds(fitted: tuple[TorqueBalance, Fit]) -> None:
@@ -187,3 +187,26 @@ def test_a_rival_that_closes_with_the_turn_competes_at_the_next_whole_order() ->
     orders = {rival.items[0].term.id: rival.items[0].order for rival in contest.rivals}
     assert orders.get("cogging", 20.0) == 20.0
     assert "torque_ripple" in orders
+
+
+@pytest.mark.parametrize(("share", "equivalent"), [(0.9, {"position_dependent_friction", "torque_ripple"}), (0.3, set())])
+def test_a_wave_that_is_nearly_as_much_of_another_kind_has_that_for_an_equivalent(share: float, equivalent: set[str]) -> None:
+    """A torque of the position, and a share of it that turns with the direction, as friction and the drive's torque do."""
+    data = conditioned(
+        np.random.default_rng(4), lambda m: 2.0 * np.sin(20.0 * m.q) * (1.0 + share * np.sign(m.v)), seconds=80.0
+    )
+    balance, plain = settled(data)
+    wave = instance(effect("cogging"), {"order": 20.0, "amplitude": 2.0, "phase": 0.0})
+    fit = settle(balance, plain.axis.with_effect(wave), plain.noise, rounds=1)
+    _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
+    assert {rival.items[0].term.id for rival in contest.equivalent} == equivalent
+
+
+def test_one_that_takes_the_place_competes_with_the_other_waves_of_its_order() -> None:
+    data = conditioned(np.random.default_rng(4), lambda m: 2.0 * np.sin(20.0 * m.q), seconds=80.0)
+    balance, plain = settled(data)
+    fit = settle(balance, plain.axis.with_effect(BIAS), plain.noise, rounds=1)
+    wave = instance(effect("cogging"), {"order": 20.0, "amplitude": 2.0, "phase": 0.0})
+    _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [as_start(wave)])
+    assert contest.kind == Kind("cogging")
+    assert {"torque_ripple", "position_dependent_friction"} <= {rival.items[0].term.id for rival in contest.rivals}

@@ -6,6 +6,7 @@ with fewer numbers.
 
 A rival is as good if the noise alone could make the difference. It also is if it explains nearly as much and does better in some
 piece of the data than noise allows: the effect in place is not the truth there, and what else is wrong may decide between them.
+The same holds for waves over the position of one order, one of which explains more beside the other than that has ahead of it.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from tcs_friction.diagnose.search.candidates import (
 )
 from tcs_friction.diagnose.search.cross_validation import squares_as_fitted, with_best_confirmed
 from tcs_friction.diagnose.search.hypotheses import eligible, starts
+from tcs_friction.diagnose.search.matched_filter import in_step
 from tcs_friction.diagnose.search.plausibility import doubtful_size
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, ODDS, threshold
@@ -46,8 +48,8 @@ class Contest:
     """One chosen effect against others in its place.
 
     effect: its identity. kind: what it is. without: the fit without it. gain: its own, in units of the noise. same: difference of
-    gains below which two cannot be told apart. rivals: fitted in its place, best first. tied: those of them that
-    explain nearly as much, and in some piece of the data more.
+    gains below which two cannot be told apart. rivals: fitted in its place, best first. tied: those of them between
+    which and the effect what else is wrong may decide.
     """
 
     effect: int
@@ -119,26 +121,47 @@ def contest_for_place(
         (placed,) = (x for x in settled.axis.effects if x.identity == winner.items[0].identity)
         if doubtful_size(balance, settled, placed) is None:
             others = [rival for rival in rivals if rival is not winner]
-            tied = _tied(balance, winner.fit, winner.gain, others)
+            others += _of_the_same_order(balance, alone, placed, dispersion)
+            others.sort(key=lambda rival: -rival.score)
+            tied = _tied(balance, winner.fit, winner.items[0], winner.gain, others)
             return settled, Contest(placed.identity, kind_of(placed), alone, winner.gain, same, tuple(others), tied)
-    tied = _tied(balance, fit, gain, rivals)
+    tied = _tied(balance, fit, item, gain, rivals)
     return fit, Contest(item.identity, kind_of(item), alone, gain, same, tuple(rivals), tied)
 
 
-def _tied(balance: TorqueBalance, fit: Fit, gain: float, rivals: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """The rivals that explain nearly as much as a fit with this gain, and in some piece of the data more than noise allows.
+def _tied(
+    balance: TorqueBalance, fit: Fit, item: Instance, gain: float, rivals: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
+    """The rivals of an effect of a fit between which and it what else is wrong may decide; gain: the effect's own.
 
-    Were the fit true, a rival whose torque differs by d standard deviations of the noise would lose d^2 + 2 d e there, with e
-    normal; it gains x with a probability of at most that of e < -sqrt(x). Bonferroni's correction is for all pieces.
+    Those explain nearly as much, and in some piece of the data more than noise allows; or they are waves of its order, and
+    explain more beside it than it has ahead of them. Were the effect true and all else right, that would be chance.
     """
     used = np.unique(balance.samples.pieces[balance.samples.rows])
+    # Were the fit true, a rival whose torque differs by d standard deviations of the noise would lose d^2 + 2 d e in a piece,
+    # with e normal; it gains x with a probability of at most that of e < -sqrt(x). Bonferroni's correction is for all pieces.
     by_noise = float(stats.norm.isf(1.0 / (ODDS * len(used)))) ** 2 * fit.squares.dispersion
     own = squares_as_fitted(balance, fit).white
+    alike = [rival for rival in rivals if rival.score > 0.0 and _of_one_order(balance, fit, item, rival.items[0])]
+    projected = ProjectedResidual(balance, fit) if alike else None
 
     def gains_somewhere(rival: Candidate) -> bool:
         return bool(np.max((own - squares_as_fitted(balance, rival.fit).white)[used]) > by_noise)
 
-    return tuple(rival for rival in rivals if rival.gain > NEARLY * gain and gains_somewhere(rival))
+    def gains_beside(rival: Candidate) -> bool:
+        term = rival.items[0].term
+        start = wave_start(projected, term, item.order, alternatives=1.0) if projected is not None else None
+        beside = start.gain / fit.squares.dispersion if start is not None else 0.0
+        return beside > max(threshold(balance, [term], rival.start.count), gain - rival.gain)
+
+    near = [rival for rival in rivals if rival.gain > NEARLY * gain]
+    return (*filter(gains_somewhere, near), *(rival for rival in alike if gains_beside(rival)))
+
+
+def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Instance) -> bool:
+    """Whether two effects of different kinds are waves over the position of one order."""
+    waves = item.term is not other.term and item.term.periodic == "position" == other.term.periodic
+    return waves and in_step(balance, fit.axis, item, other)
 
 
 def _through_the_same_signal(
