@@ -34,6 +34,10 @@ INTERVALS = 50
 """Intervals between stamps from which the robot's period is estimated."""
 PERIOD_SHARE = 0.1
 """By how much the robot's period may differ from parameter `period`."""
+LEAST_SINGLE = 0.25
+"""Share of the intervals that are one wanted period: of fewer the robot has another period, unless most states are lost."""
+ROUNDS = 3
+"""After which an estimate of the period no longer changes."""
 REPEATED = 1.0
 """s for which zero is sent after the node has been deactivated."""
 LAST_WORDS = 0.2
@@ -43,10 +47,17 @@ CONTRADICTED = 1.0
 """s for which a second publisher of joint states that contradicts the first counts."""
 
 
-def state_period(intervals: Collection[float]) -> float:
-    """The period (s) behind intervals between stamps (s); one about twice the median is two periods: a state was lost."""
-    typical = median(intervals)
-    return sum(intervals) / sum(round(interval / typical) for interval in intervals)
+def state_period(intervals: Collection[float], wanted: float) -> float:
+    """The period (s) behind intervals between stamps (s): states may be lost, and stamps late.
+
+    Each interval counts as the number of periods that is next to it: of wanted ones first, of their median where hardly any
+    interval is one of those, and then of the period that this gives.
+    """
+    single = sum(interval < 1.5 * wanted for interval in intervals)
+    period = wanted if single >= LEAST_SINGLE * len(intervals) else median(intervals)
+    for _ in range(ROUNDS):
+        period = sum(intervals) / sum(max(1, round(interval / period)) for interval in intervals)
+    return period
 
 
 class RobotJoint(Hardware):
@@ -180,7 +191,8 @@ class RobotJoint(Hardware):
     def _states_objection(self, now: float) -> str:
         if len(self._intervals) < INTERVALS // 2:
             return f"the rate of {STATES} is not known yet"
-        period, wanted = state_period(self._intervals), self._config.period
+        wanted = self._config.period
+        period = state_period(self._intervals, wanted)
         self._node.health.values["period of the robot [s]"] = f"{period:.6g}"
         if abs(period - wanted) > PERIOD_SHARE * wanted:
             return f"{STATES} come every {period:.6g} s, expected {wanted:g} s: set the parameter period of all nodes"
