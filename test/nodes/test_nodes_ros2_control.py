@@ -19,7 +19,7 @@ from conftest import ROOT, wait_until
 from benchmarks.listening import Listening
 from tcs_friction.errors import InputError
 
-PERIOD = 0.005
+PERIOD = 0.02  # s: a busy machine keeps up with that
 ARGUMENTS = [
     word
     for name, value in {
@@ -55,7 +55,7 @@ class Robot:
         node.create_subscription(Float64MultiArray, "/robot/applied", lambda m: self.applied.append(list(m.data)), 100)
         self._client = node.create_client(SetParameters, "/robot/set_parameters")
         env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
-        command = [sys.executable, "-m", "benchmarks.simulated_robot", "--ros-args", *arguments]
+        command = [sys.executable, "-m", "benchmarks.simulated_robot", "--ros-args", "-p", f"period:={PERIOD}", *arguments]
         self._process = subprocess.Popen(command, env=env)
 
     @property

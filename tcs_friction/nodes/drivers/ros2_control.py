@@ -34,10 +34,8 @@ INTERVALS = 50
 """Intervals between stamps from which the robot's period is estimated."""
 PERIOD_SHARE = 0.1
 """By how much the robot's period may differ from parameter `period`."""
-LEAST_SINGLE = 0.25
-"""Share of the intervals that are one wanted period: of fewer the robot has another period, unless most states are lost."""
-ROUNDS = 3
-"""After which an estimate of the period no longer changes."""
+NEAR, LEAST_NEAR = 1.5, 0.4
+"""Factor between an interval and a period that it may be; share of the intervals from which on these tell the period."""
 REPEATED = 1.0
 """s for which zero is sent after the node has been deactivated."""
 LAST_WORDS = 0.2
@@ -48,16 +46,12 @@ CONTRADICTED = 1.0
 
 
 def state_period(intervals: Collection[float], wanted: float) -> float:
-    """The period (s) behind intervals between stamps (s): states may be lost, and stamps late.
+    """The period (s) behind intervals between stamps (s), of which some are lost and others come late, in bursts.
 
-    Each interval counts as the number of periods that is next to it: of wanted ones first, of their median where hardly any
-    interval is one of those, and then of the period that this gives.
+    The median of those near the wanted period; of all where few are.
     """
-    single = sum(interval < 1.5 * wanted for interval in intervals)
-    period = wanted if single >= LEAST_SINGLE * len(intervals) else median(intervals)
-    for _ in range(ROUNDS):
-        period = sum(intervals) / sum(max(1, round(interval / period)) for interval in intervals)
-    return period
+    near = [interval for interval in intervals if wanted / NEAR < interval < wanted * NEAR]
+    return median(near if len(near) > LEAST_NEAR * len(intervals) else intervals)
 
 
 class RobotJoint(Hardware):
