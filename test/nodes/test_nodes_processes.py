@@ -81,7 +81,7 @@ def test_a_killed_node_is_named_and_the_run_goes_on_when_it_is_back(processes: A
 def test_a_plant_that_is_back_starts_a_new_run(processes: Any, listener: Any) -> None:
     start(processes)
     # long enough for the listener to find the new plant before it has come as far
-    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] > 8 * SECOND, 90.0)
+    assert wait_until(lambda: bool(listener.states) and listener.states[-1][0] > 8 * SECOND, 180.0)
     processes.kill("plant")
     processes.start("plant", *ARGUMENTS)
 
