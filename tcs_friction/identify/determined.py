@@ -12,7 +12,7 @@ from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.start import with_sliding_states
 from tcs_friction.identify.uncertainty import sandwich
-from tcs_friction.physics.terms import unit_on
+from tcs_friction.physics.terms import Feature, unit_on
 
 LARGEST_RELATIVE = 0.5  # relative standard deviation above which a number would mean nothing
 NEGLIGIBLE = 0.02  # of the torque's size: a parameter whose uncertainty matters less is known well enough
@@ -53,7 +53,7 @@ def judge(
     unknowns = with_sliding_states(problem, unknowns)
     evaluations = 0
     size = float(np.std(problem.target)) or 1.0
-    for _ in range(4):
+    for _ in range(problem.law_size + 2):
         held = np.isin(np.arange(len(unknowns)), list(reasons))
         if polish:
             unknowns = _without_drop(
@@ -130,6 +130,8 @@ def _with_believed(
             result[k] = space.lower[k]  # so slow that the drop is over whenever the axis moves
         elif problem.names[k] == "damping":
             result[k] = 0.0
+        elif k < problem.law_size and (default := problem.axis.friction.term.parameters[k].default) is not None:
+            result[k] = default
     return result
 
 
@@ -139,6 +141,8 @@ def _without_drop(problem: Problem, unknowns: np.ndarray, reasons: Mapping[int, 
     if "stribeck_velocity" not in names or names.index("stribeck_velocity") not in reasons:
         return unknowns
     coulomb, static = (names.index(name) for name in ("coulomb", "static"))
+    if coulomb in reasons:
+        return unknowns
     trials = [unknowns.copy() for _ in range(SHARES)]
     for trial, share in zip(trials, np.linspace(0.0, 1.0, SHARES), strict=True):
         trial[coulomb] = (1.0 - share) * unknowns[coulomb] + share * unknowns[static]
@@ -147,9 +151,10 @@ def _without_drop(problem: Problem, unknowns: np.ndarray, reasons: Mapping[int, 
 
 
 def _companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:
-    """What means nothing without its companion: static torque without the drop's velocity, damping without stiffness."""
+    """What means nothing without its companion: a drop without its velocity, damping without stiffness."""
     names = problem.names
-    pairs = (("stribeck_velocity", "static"), ("static", "stribeck_velocity"), ("stiffness", "damping"))
+    drop = [p.name for p in problem.axis.friction.term.parameters if p.feature is Feature.STRIBECK]
+    pairs = [("static", "stribeck_velocity"), ("stiffness", "damping"), *(("stribeck_velocity", name) for name in drop)]
     known = [
         (names.index(one), names.index(other)) for one, other in pairs if one in names and other in names
     ]

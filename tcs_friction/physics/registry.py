@@ -88,8 +88,8 @@ def usual_law(features: frozenset[Feature]) -> Term:
 
 
 def compared_laws() -> list[str]:
-    """The friction laws that are compared where nobody names any: those with a formula, by name."""
-    return sorted(name for name, term in laws().items() if not term.free)
+    """The friction laws that are compared where nobody names any: those that extend no other, by name."""
+    return sorted(name for name, term in laws().items() if not term.extends)
 
 
 def _get(known: Mapping[str, Term], name: str, where: str) -> Term:

@@ -65,7 +65,8 @@ class Term:
     Exactly one parameter has the feature DRY: the level of the dry friction, N m.
     bristle: travel (rad) over which its dry friction builds up, from its values; 0 without bristles.
     usual: whether it is the one to take, among laws with the same features, where nobody names a law.
-    free: whether its numbers are a free curve's, which few recordings determine: laws are compared without it unless it is named.
+    extends: id of the law that it is where its further parameters have their defaults; few recordings determine those, and laws
+    are compared without it unless it is named.
 
     Of an effect that completes a law
     ---------------------------------
@@ -135,7 +136,7 @@ class Term:
     rate: Rate = no_rate
     bristle: Callable[[Values], float] = no_travel
     usual: bool = False
-    free: bool = False
+    extends: str = ""
     of_law: Completes = no_law
     frequency: str = ""
     extent: Extent | None = None

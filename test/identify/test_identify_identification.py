@@ -101,6 +101,17 @@ def test_the_other_laws(law: str) -> None:
     assert found.parameters["viscous"].value == pytest.approx(3000.0, rel=0.15)
 
 
+def test_a_free_curve_is_found_from_any_belief() -> None:
+    true = LUGRE | {"shape_1": 1.12, "shape_2": 1.05, "shape_3": 0.88}
+    believed = LUGRE | {"coulomb": 60.0, "static": 70.0, "stribeck_velocity": 3e-3}
+    data = [recording(axis_of(true, "free_curve"), seed=seed, period=period) for seed, period in enumerate((12.0, 17.0))]
+    found = identify(data, axis_of(believed), law="free_curve")
+    for name, value in true.items():
+        one = found.parameters[name]
+        assert one.determined, one.reason
+        assert one.value == pytest.approx(value, abs=4.0 * one.std), name
+
+
 def test_friction_series_of_an_observer() -> None:
     found = identify([series(axis_of(), seed=1)], axis_of(WRONG))
     assert found.parameters["coulomb"].value == pytest.approx(78.1, rel=0.01)
@@ -180,6 +191,18 @@ def test_without_reversal_there_is_no_stiffness() -> None:
     assert mapping["stiffness"] == {
         "value": None, "std": None, "unit": "N m/rad", "determined": False, "reason": "the recording never reverses",
     }  # fmt: skip
+
+
+def test_without_a_drop_a_free_curve_has_no_shape() -> None:
+    t = np.arange(0.0, 20.0, 0.002)
+    position = 0.05 * t + 0.02 * np.sin(t)
+    axis = axis_of(LUGRE, "free_curve")
+    torque = axis.inertia * np.gradient(np.gradient(position, t), t) + walked(axis.friction, t, position)
+    noise = 0.3 * np.random.default_rng(0).standard_normal(len(t))
+    found = identify([Recording(t[500:], position[500:], (torque + noise)[500:])], axis_of(), law="free_curve")
+    for name in ("static", "stribeck_velocity", "shape_1", "shape_2", "shape_3"):
+        assert not found.parameters[name].determined, name
+    assert [found.parameters[f"shape_{k}"].value for k in (1, 2, 3)] == [1.0] * 3, "LuGre's curve"
 
 
 def test_too_fast_for_the_stribeck_velocity() -> None:

@@ -153,23 +153,26 @@ def slid(chosen: Instance, speed: float) -> float:
     return float(walked(chosen, 1e-5 * np.arange(3000), 1e-5 / speed)[-1])
 
 
-def test_a_free_curve_goes_through_its_knots() -> None:
+def test_a_free_curve_is_lugres_curve_times_its_shapes() -> None:
     still = FREE.replace(viscous=0.0)
     knots = 2e-4 * 3.0 ** np.arange(-2.0, 3.0)
-    even = 110.0 * (78.0 / 110.0) ** (np.arange(5) / 4.0)
-    levels = even * [1.0, 1.2, 0.7, 1.1, 1.0]
-    assert [slid(still, v) for v in knots] == pytest.approx(levels, rel=1e-6)
+
+    def lugre(speed: np.ndarray) -> np.ndarray:
+        return 78.0 + 32.0 * np.exp(-((speed / 2e-4) ** 2))
+
+    shapes = np.array([1.0, 1.2, 0.7, 1.1, 1.0])
+    assert [slid(still, v) for v in knots] == pytest.approx(lugre(knots) * shapes, rel=1e-6)
     between = np.sqrt(knots[1:] * knots[:-1])
-    assert [slid(still, v) for v in between] == pytest.approx(np.sqrt(levels[1:] * levels[:-1]), rel=1e-6)
-    assert slid(still, 0.01 * knots[0]) == pytest.approx(110.0)
-    assert slid(still, 100.0 * knots[-1]) == pytest.approx(78.0)
+    assert [slid(still, v) for v in between] == pytest.approx(lugre(between) * np.sqrt(shapes[1:] * shapes[:-1]), rel=1e-6)
+    outside = np.array([0.01 * knots[0], 100.0 * knots[-1]])
+    assert [slid(still, v) for v in outside] == pytest.approx(lugre(outside))
 
 
-def test_a_free_curve_that_is_flat_is_lugre() -> None:
-    values = {"coulomb": 78.0, "static": 78.0, "stribeck_velocity": 2e-4, "stiffness": 3e5, "damping": 1e4, "viscous": 500.0}
+def test_a_free_curve_whose_shapes_are_one_is_lugres() -> None:
+    values = {"coulomb": 78.0, "static": 110.0, "stribeck_velocity": 2e-4, "stiffness": 3e5, "damping": 1e4, "viscous": 500.0}
     position = 1e-3 * np.sin(2.0 * np.pi * 0.5 * 1e-3 * np.arange(4000))
-    flat, lugre = (walked(instance(law(name), values), position, 1e-3) for name in ("free_curve", "lugre"))
-    assert flat == pytest.approx(lugre, abs=1e-9)
+    plain, lugre = (walked(instance(law(name), values), position, 1e-3) for name in ("free_curve", "lugre"))
+    assert plain == pytest.approx(lugre, abs=1e-9)
 
 
 def test_bam_grows_with_the_load() -> None:

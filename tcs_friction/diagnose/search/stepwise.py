@@ -148,7 +148,7 @@ def _better_law(
 
     If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law. Where
     the residual is as small as its noise no law is looked for, and no gain counts that the errors of the fit's effects may give.
-    A free curve is looked for where neither the effect nor a law with a formula leaves as little as the noise.
+    One that extends another law is looked for where neither the effect nor any other law leaves as little as the noise.
     """
 
     def left(one: Fit) -> float:
@@ -161,10 +161,10 @@ def _better_law(
     if found < 1.0 + NOISE_SHARE:
         return None
     terms = other_laws(fit.axis, excluded)
-    tried = with_laws([term for term in terms if not term.free])
+    tried = with_laws([term for term in terms if not term.extends])
     others = [candidate.fit for candidate in tried] + ([effect.fit] if effect is not None else [])
     if min(map(left, others), default=found) >= 1.0 + NOISE_SHARE:
-        tried += with_laws([term for term in terms if term.free])
+        tried += with_laws([term for term in terms if term.extends])
     best = simplest_law(balance, tried)
     if best is None or best.gain < imperfection(base, fit, balance):
         return None

@@ -1,12 +1,12 @@
-"""A bristle under a dry friction that is a free curve over the speed: for friction that falls or rises as no formula has it.
+"""LuGre's bristle under LuGre's curve over the speed times a free one: for friction that falls or rises as no formula has it.
 
     dz/dt = v - stiffness |v| / g(v) z
+    g(v)  = (coulomb + (static - coulomb) exp(-(v / stribeck_velocity)^2)) h(v)
     F     = stiffness z + damping dz/dt + viscous v
 
-ln g is linear in ln |v| between five knots at stribeck_velocity (1/9, 1/3, 1, 3, 9): static at the first one and below it,
-coulomb at the last one and above it. The three between are multiples (shape_1 to shape_3) of a fall that is even in ln |v|.
-With the right curve it is every law of LuGre's kind (Canudas de Wit et al. 1995), with any Stribeck curve of Armstrong-Helouvry
-et al. (1994).
+ln h is linear in ln |v| between five knots at stribeck_velocity (1/9, 1/3, 1, 3, 9). It is zero at the first and the last one and
+beyond; shape_1 to shape_3 are h at the three between. With all of them one the law is LuGre's; with others it
+comes near every law of LuGre's kind (Canudas de Wit et al. 1995), with any Stribeck curve of Armstrong-Helouvry et al. (1994).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from tcs_friction.physics.friction.lugre import (
     bristle_friction,
     rate,
     starts,
+    stribeck_level,
 )
 from tcs_friction.physics.terms import VELOCITY, Feature, Parameter, Place, Survey, Term, kernel
 
@@ -38,19 +39,17 @@ INNER = 3  # knots between the first and the last
 @njit(cache=True, error_model="numpy")
 def free_level(velocity: float, parameters: Any) -> float:
     """Dry friction available at this velocity, N m; parameters: coulomb, static, stribeck_velocity, the inner shapes."""
-    coulomb, static, speed = parameters[0], parameters[1], abs(velocity)
+    level, speed = stribeck_level(velocity, parameters[0], parameters[1], parameters[2]), abs(velocity)
     first = parameters[2] / APART ** (0.5 * (INNER + 1))
     if speed <= first:
-        return float(static)
+        return float(level)
     passed = math.log(speed / first) / math.log(APART)
     if passed >= INNER + 1:
-        return float(coulomb)
+        return float(level)
     before = int(passed)
-    share = passed - before
     left = parameters[2 + before] if before > 0 else 1.0
     right = parameters[3 + before] if before < INNER else 1.0
-    even = static * (coulomb / static) ** (passed / (INNER + 1))
-    return float(even * left * (right / left) ** share)
+    return float(level * left * (right / left) ** (passed - before))
 
 
 @kernel
@@ -69,7 +68,7 @@ def _shape(number: int) -> Parameter:
     return Parameter(
         f"shape_{number}",
         "",
-        f"friction at inner knot {number} over an even fall",
+        f"friction at inner knot {number} over LuGre's",
         lower=0.1,
         upper=10.0,
         default=1.0,
@@ -81,7 +80,7 @@ def _shape(number: int) -> Parameter:
 TERM = Term(
     id="free_curve",
     place=Place.LAW,
-    form="F = sigma0 z + sigma1 dz/dt + sigma2 v, dz/dt = v - sigma0 |v|/g(v) z, g a free curve",
+    form="F = sigma0 z + sigma1 dz/dt + sigma2 v, dz/dt = v - sigma0 |v|/g(v) z, g LuGre's times a free curve",
     parameters=(
         COULOMB,
         STATIC,
@@ -97,5 +96,5 @@ TERM = Term(
     scan=scan,
     rate=rate,
     bristle=bristle,
-    free=True,
+    extends="lugre",
 )
