@@ -7,6 +7,7 @@ made from logged torque, acceleration or a memory of them gain by that noise; wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -163,7 +164,7 @@ def _gains_apart_from_noise(
             by_motion = gain_by_load_from_motion(ProjectedResidual(balance, others), item)
             yield by_motion, threshold(balance, [item.term], 1)
         if follows_load(item.term) or item.term.filters:
-            yield _gain_where_driven(balance, base, fit), needed
+            yield _gain_where_driven(balance, base, fit, item), needed
 
 
 def _without(fit: Fit, item: Instance, balance: TorqueBalance) -> Fit:
@@ -221,13 +222,13 @@ def _gain_of_torque(balance: TorqueBalance, base: Fit, fit: Fit) -> float:
     return gained + float(np.sum(biased[shows(noise.bias.frequency)]))
 
 
-def _gain_where_driven(balance: TorqueBalance, base: Fit, fit: Fit) -> float:
+def _gain_where_driven(balance: TorqueBalance, base: Fit, fit: Fit, item: Instance) -> float:
     """Drop of the whitened squares where the torque at the rotor is driven and no answer to noise.
 
     A torque that is not logged moves the axis, and the controller answers it: noise of the residual is in both, with up to
     ANSWERED times its power, and a multiple of them takes that share of it away. That is no gain, nor is a smaller residual
-    of an axis that is smaller in all: noise is compared as the acceleration that it makes. Nor is less than the noise: a lag
-    filters the noise of the logged torque, and no physics foretells that.
+    of an axis that is smaller in all: noise is compared as the acceleration that it makes. Nor is the noise of the logged torque
+    that a lag takes away.
     """
     noise = base.noise
     white_level = noise.samples.white_level
@@ -236,5 +237,8 @@ def _gain_where_driven(balance: TorqueBalance, base: Fit, fit: Fit) -> float:
     driven = times > DRIVEN
     before, after = (noise.spectrum(balance.torque_residual(x.axis)) for x in (base, fit))
     after = after * (base.axis.inertia / fit.axis.inertia) ** 2
-    after = np.maximum(ndimage.uniform_filter1d(after, SPECTRUM_NEIGHBOURS), white_level)
-    return float(np.sum((before - after)[driven]) - ANSWERED * white_level * np.sum(1.0 / times[driven]))
+    by_noise = ANSWERED / times
+    if item.term.transfer is not None:
+        response = 1.0 + item.term.transfer(item.values, 2j * math.pi * noise.samples.frequencies)
+        by_noise += np.maximum(1.0 - np.abs(response) ** 2, 0.0)
+    return float(np.sum((before - after - white_level * by_noise)[driven]))

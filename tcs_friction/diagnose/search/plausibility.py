@@ -131,7 +131,7 @@ def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
 
 
 def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
-    """Whether the logged torque has a line at a vibration's frequency that is larger than any answer to the vibration.
+    """Whether the logged torque has a line at a vibration's frequency beyond any answer to the vibration.
 
     The line is then the motion's own or friction's harmonic of it, and what a model of friction leaves there is no vibration.
     """
@@ -149,7 +149,7 @@ def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     line = max(map(amplitude, np.linspace(-LINE_WIDTH, LINE_WIDTH, 5)))
     beside = float(np.median([amplitude(float(k)) ** 2 for k in (*-BESIDE, *BESIDE)]))
     own = math.sqrt(2.0) * rms(own_torque(balance, fit, item)[balance.train])
-    return line**2 > LINE * beside and line > ANSWERED * own
+    return line - ANSWERED * own > math.sqrt(LINE * beside)
 
 
 def _steady(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
