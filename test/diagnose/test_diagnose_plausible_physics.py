@@ -166,11 +166,25 @@ def with_torque(data: DataSet, extra: Callable[[np.ndarray], np.ndarray]) -> Dat
     return replace(data, stretches=(replace(s, torque=s.torque + 900.0 * wave, acceleration=s.acceleration + wave),))
 
 
-@pytest.mark.parametrize(("shaken", "expected"), [(0.0, None), (0.05, Doubt.DRIVEN)])
-def test_a_line_of_the_motion_is_no_vibration(shaken: float, expected: Doubt | None) -> None:
-    """Motion at 6 Hz with 45 N m of inertial torque, and half a newton metre left there."""
+@pytest.mark.parametrize(
+    ("torque", "busy", "expected"),
+    [
+        (0.0, 0.0, None),
+        (45.0, 0.0, Doubt.DRIVEN),
+        (1.5, 0.0, Doubt.DRIVEN),
+        (1.5, 10.0, None),  # an answer to the vibration and what the motion has at every frequency are as large
+        (45.0, 10.0, Doubt.DRIVEN),
+    ],
+)
+def test_a_line_of_the_motion_is_no_vibration(torque: float, busy: float, expected: Doubt | None) -> None:
+    """Motion at 6 Hz with some N m of inertial torque, half a newton metre left there, and N m rms of motion at all frequencies."""
     data = conditioned(np.random.default_rng(8), lambda m: 0.5 * np.sin(2.0 * np.pi * 6.0 * m.t), SECONDS)
-    moved = with_torque(data, lambda t: shaken * np.sin(2.0 * np.pi * 6.0 * t + 1.0))
+    random = np.random.default_rng(9)
+
+    def motion(t: np.ndarray) -> np.ndarray:
+        return (torque * np.sin(2.0 * np.pi * 6.0 * t + 1.0) + busy * random.standard_normal(len(t))) / 900.0
+
+    moved = with_torque(data, motion)
     assert doubted(moved, item("periodic_vibration", frequency=6.0, amplitude=0.5, phase=0.0)) is expected
 
 
