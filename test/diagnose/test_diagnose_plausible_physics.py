@@ -177,7 +177,7 @@ def with_torque(data: DataSet, extra: Callable[[np.ndarray], np.ndarray]) -> Dat
     ],
 )
 def test_a_line_of_the_motion_is_no_vibration(torque: float, busy: float, expected: Doubt | None) -> None:
-    """Motion at 6 Hz with some N m of inertial torque, half a newton metre left there, and N m rms of motion at all frequencies."""
+    """Motion at 6 Hz with some N m of inertial torque, half a newton metre left there, N m rms of motion at all frequencies."""
     data = conditioned(np.random.default_rng(8), lambda m: 0.5 * np.sin(2.0 * np.pi * 6.0 * m.t), SECONDS)
     random = np.random.default_rng(9)
 
