@@ -247,9 +247,9 @@ def _search_extended(
             break
     best = sorted(ends, key=lambda end: end[1].cost)[:EXTENDED]
     more = [(one, refit(problem, end.unknowns, space, options.loss, MORE_STEPS, VALLEY_GAIN)) for one, end in best]
-    found, refined = min(more, key=lambda end: end[1].cost)
+    best_found, refined = min(more, key=lambda end: end[1].cost)
     evaluations = sum(one.evaluations for one, _ in ends) + sum(end.evaluations for _, end in [*ends, *more])
-    return replace(found, evaluations=evaluations), refined.unknowns
+    return replace(best_found, evaluations=evaluations, outcome=found.outcome), refined.unknowns
 
 
 def _for_dimensions(count: int) -> SwarmOptions:

@@ -268,6 +268,12 @@ def test_cancelling_ends_it() -> None:
     assert len(found.history) == 1
 
 
+def test_cancelling_a_free_curve_ends_it_at_the_first_stribeck_velocity() -> None:
+    found = identify([recording(axis_of(), seconds=12.0)], axis_of(), law="free_curve", cancel=lambda: True)
+    assert found.outcome is Outcome.CANCELLED
+    assert len(found.history) == 1
+
+
 def test_believed_effects_are_taken_off_first() -> None:
     truth = axis_of()
     plain = recording(truth, seconds=24.0)
