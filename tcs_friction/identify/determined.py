@@ -43,13 +43,14 @@ def judge(
     believed: Mapping[str, float],
     loss: str,
     polish: bool,
+    unshown: Mapping[int, str],
     cancel: Callable[[], bool] = lambda: False,
 ) -> Verdicts:
     """Refine from `unknowns` (p,), hold what the data do not determine at what is believed (or found), and refine again.
 
-    `polish` False leaves the numbers where the search put them and only judges.
+    `polish` False leaves the numbers where the search put them and only judges. `unshown`: what the search found undetermined.
     """
-    reasons: dict[int, str] = _beforehand(problem, space)
+    reasons: dict[int, str] = _beforehand(problem, space) | dict(unshown)
     unknowns = with_sliding_states(problem, unknowns)
     evaluations = 0
     size = float(np.std(problem.target)) or 1.0

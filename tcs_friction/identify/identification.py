@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +13,7 @@ from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
 from tcs_friction.identify.determined import Verdicts, judge
+from tcs_friction.identify.extended_law import search_extended
 from tcs_friction.identify.linear_balance import likely_inertia
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.motion import Data, prepare
@@ -28,7 +28,6 @@ from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.uncertainty import noise_floor
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.friction.lugre import USUAL_STATIC
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.physics.registry import offset
 from tcs_friction.physics.terms import Instance, instance
@@ -40,8 +39,6 @@ WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinio
 SAME_VALLEY = 1.01  # times the least cost: another search that ends so near has found the same
 MOST_SEARCHES = 10  # until the least cost is found twice
 VALLEY_STEPS, VALLEY_GAIN = 30, 1e-3  # of the fit that ends each: steps, and the relative gain that ends it
-VELOCITIES_APART = 2.0  # factor between the Stribeck velocities that a law which extends LuGre's starts from
-EXTENDED, FIRST_STEPS, MORE_STEPS = 3, 3, 15  # of these starts that go on after the first steps; steps
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
 QUICK = SwarmOptions(
     population=48, generations=1, swarm_generations=24, genetic_generations=0, velocity_limit=0.1
@@ -115,16 +112,19 @@ def identify(
     problem = pose(axis, motion)
     free_offset = options.offset
     space = space_of(problem, free_inertia, free_offset)
+    unshown: Mapping[int, str] = {}
     if axis.friction.term.extends and method == "default":
         simpler = pose(replace(axis, friction=_law_instance(axis, axis.friction.term.extends)), motion)
         shapes = ShapeCost(simpler, free_inertia, free_offset, believed_start(simpler))
-        found, unknowns = _search_extended(shapes, simpler, problem, space, seed, options, progress, cancel)
+        found, unknowns, unshown = search_extended(
+            shapes, simpler, problem, space, seed, QUICK, options.loss, progress, cancel
+        )
     else:
         cost = _cost(problem, method, free_inertia, free_offset, believed_start(problem), options)
         found, unknowns = _search(cost, problem, space, method, seed, options, progress, cancel)
     problem = settled(problem, unknowns)
     polish = method == "default" and found.outcome is not Outcome.CANCELLED
-    verdicts = judge(problem, unknowns, space, believed, options.loss, polish, cancel)
+    verdicts = judge(problem, unknowns, space, believed, options.loss, polish, unshown, cancel)
     sharp = None
     if polish:
         verdicts, sharp = _sharpened(problem, verdicts, options.loss, cancel)
@@ -218,38 +218,6 @@ def _search(
     best, refined = ends[int(np.argmin(costs))]
     evaluations = sum(one.evaluations + end.evaluations for one, end in ends)
     return replace(best, evaluations=evaluations, outcome=found.outcome), refined.unknowns
-
-
-def _search_extended(
-    cost: ShapeCost, simpler: Problem, problem: Problem, space: Space, seed: int, options: IdentifyOptions,
-    progress: Callable[[Generation], None], cancel: Callable[[], bool],
-) -> tuple[pso_ga.SearchResult, np.ndarray]:  # fmt: skip
-    """A law that extends LuGre's: the best fit from LuGre's with the usual static friction, at Stribeck velocities all over.
-
-    With a wrong curve LuGre's own best values may be far from this law's.
-    """
-    ends: list[tuple[pso_ga.SearchResult, Refined]] = []
-    _, ratio, velocity = np.log(cost.box.upper / cost.box.lower)
-    usual = math.log(USUAL_STATIC / cost.box.lower[1]) / ratio
-    for number, share in enumerate(np.linspace(0.0, 1.0, 1 + math.ceil(velocity / math.log(VELOCITIES_APART)))):
-        rest = [usual, float(share)]
-
-        def at_velocity(distances: np.ndarray, rest: Sequence[float] = rest) -> np.ndarray:
-            return cost(np.column_stack([distances, np.tile(rest, (len(distances), 1))]))
-
-        found = pso_ga.search(at_velocity, 1, (seed, number), QUICK, progress=progress, cancel=cancel)
-        known = cost.unknowns(np.append(found.position, rest))
-        values = dict(zip(simpler.names, known.tolist(), strict=True))
-        law = [values.get(p.name, p.default) for p in problem.axis.friction.term.parameters]
-        start = np.array([*law, *known[simpler.law_size :]], dtype=float)
-        ends.append((found, refit(problem, start, space, options.loss, FIRST_STEPS)))
-        if found.outcome is Outcome.CANCELLED:
-            break
-    best = sorted(ends, key=lambda end: end[1].cost)[:EXTENDED]
-    more = [(one, refit(problem, end.unknowns, space, options.loss, MORE_STEPS, VALLEY_GAIN)) for one, end in best]
-    best_found, refined = min(more, key=lambda end: end[1].cost)
-    evaluations = sum(one.evaluations for one, _ in ends) + sum(end.evaluations for _, end in [*ends, *more])
-    return replace(best_found, evaluations=evaluations, outcome=found.outcome), refined.unknowns
 
 
 def _for_dimensions(count: int) -> SwarmOptions:

@@ -51,7 +51,7 @@ def judged(axis: Axis, data: Recording) -> tuple[Problem, Verdicts]:
     problem = pose(axis, prepare([data]))
     space = space_of(problem, True, True)
     start = believed_start(problem)
-    return problem, judge(problem, start, space, axis.friction.values, "squares", True)
+    return problem, judge(problem, start, space, axis.friction.values, "squares", True, {})
 
 
 def test_noise_of_the_logged_torque_is_not_taken_for_friction() -> None:

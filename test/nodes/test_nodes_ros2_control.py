@@ -262,7 +262,9 @@ def test_the_last_thing_a_driver_sends_is_zero_unless_it_is_killed(processes: An
         processes.kill("ros2_control_driver")
         count = len(robot.applied)
         assert wait_until(lambda: len(robot.applied) > count + 100)
-        assert robot.acts(40.0), "nobody ends it: that is why the drive needs a watchdog"
+        kept = {axis for _, axis, _ in robot.applied[-50:]}
+        assert len(kept) == 1, "nobody ends it: that is why the drive needs a watchdog"
+        assert min(kept) > 1.0
         assert "if this node is killed, the controller keeps the last torque" in processes.log("ros2_control_driver")
         processes.start("ros2_control_driver", *ARGUMENTS)
         assert wait_until(lambda: abs(robot.now[1]) < 39.0, 40.0), "a new one begins at zero"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 from physics_cases import COULOMB
 
 from tcs_friction.physics import machine
@@ -162,8 +163,11 @@ def test_a_free_curve_is_lugres_curve_times_its_shapes() -> None:
 
     shapes = np.array([1.0, 1.2, 0.7, 1.1, 1.0])
     assert [slid(still, v) for v in knots] == pytest.approx(lugre(knots) * shapes, rel=1e-6)
-    between = np.sqrt(knots[1:] * knots[:-1])
-    assert [slid(still, v) for v in between] == pytest.approx(lugre(between) * np.sqrt(shapes[1:] * shapes[:-1]), rel=1e-6)
+    between = np.geomspace(knots[0], knots[-1], 13)
+    slopes = np.array([0.0, *(0.5 * (np.log(shapes[2:]) - np.log(shapes[:-2]))), 0.0])
+    spline = CubicHermiteSpline(np.log(knots) / np.log(3.0), np.log(shapes), slopes)
+    expected = lugre(between) * np.exp(spline(np.log(between) / np.log(3.0)))
+    assert [slid(still, v) for v in between] == pytest.approx(expected, rel=1e-6)
     outside = np.array([0.01 * knots[0], 100.0 * knots[-1]])
     assert [slid(still, v) for v in outside] == pytest.approx(lugre(outside))
 

@@ -29,8 +29,9 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects, laws
 from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Survey, Term, instance
 
-STARTS = 2  # of each law that are fitted jointly
-FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of the best start of each law
+STARTS, GOING_ON = 2, 1  # of each law that are fitted jointly: at first, and to the end
+EXTENDED_STARTS, EXTENDED_GOING_ON = 6, 3  # of a law that extends another: its cost has many minima
+FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of those that go on
 FAR_WORSE = 2.0  # times the squares of the best law after the first steps: further steps win no tenth of that
 CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
 LONGEST_BRISTLE = 0.1  # of the travel: what bends over more of it is a spring or gravity
@@ -102,20 +103,19 @@ def law_candidates(
     view = survey(balance, fit.axis)
     sources = [fit.axis, replace(fit.axis, friction=believed.friction)]
     starts = [
-        (term, axis)
+        axis
         for term in terms
-        for axis in _best_starts(projected, [x for source in sources for x in starting_axes(source, term, view)])
+        for axis in _best_starts(projected, term, [x for source in sources for x in starting_axes(source, term, view)])
     ]
-    first = side_by_side(lambda pair: fit_jointly(balance, pair[1], fit.noise, FIRST_STEPS), starts)
-    best: dict[str, Fit] = {}
-    for (term, _), one in zip(starts, first, strict=True):
-        if term.id not in best or best[term.id].squares - one.squares > 0.0:
-            best[term.id] = one
-    least = min(one.squares.value for one in [*best.values(), *[fit] * beside_own]) if best else 0.0
-    close = [one for one in best.values() if one.squares.value <= FAR_WORSE * least]
-    finished = side_by_side(lambda one: fit_jointly(balance, one.axis, fit.noise, MORE_STEPS), close)
+    first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), starts)
+    least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)
+    close = [one for one in _best_of_each_law(first) if one.squares.value <= FAR_WORSE * least]
+    more = side_by_side(lambda one: fit_jointly(balance, one.axis, fit.noise, MORE_STEPS), close)
+    finished = {one.axis.friction.term.id: one for one in sorted(more, key=lambda one: -one.squares.value)}
     alternatives = float(max(len(starts), 1))
-    judged = side_by_side(partial(_judged, balance, fit, view, projected.dispersion, alternatives), finished)
+    judged = side_by_side(
+        partial(_judged, balance, fit, view, projected.dispersion, alternatives), list(finished.values())
+    )
     return sorted(judged, key=lambda candidate: -candidate.score)
 
 
@@ -162,7 +162,7 @@ def starting_axes(axis: Axis, term: Term, view: Survey) -> list[Axis]:
     """
     found: dict[tuple[float, ...], Axis] = {}
     for scanned in term.scan(view):
-        values = {p.name: _starting_value(p, axis.friction, scanned, view) for p in term.parameters}
+        values = {p.name: _starting_value(p, term, axis.friction, scanned, view) for p in term.parameters}
         given = {name: value for name, value in values.items() if value is not None}
         if len(given) == len(values):
             found.setdefault(tuple(given.values()), replace(axis, friction=instance(term, given)))
@@ -170,10 +170,14 @@ def starting_axes(axis: Axis, term: Term, view: Survey) -> list[Axis]:
 
 
 def _starting_value(
-    parameter: Parameter, law: Instance, scanned: Mapping[str, float], view: Survey
+    parameter: Parameter, term: Term, law: Instance, scanned: Mapping[str, float], view: Survey
 ) -> float | None:
-    """Where a parameter of another law starts; None where nothing says."""
-    known = law.values.get(parameter.name, 0.0)
+    """Where a parameter of another law, `term`, starts; None where nothing says.
+
+    The curve of a law that extends another starts anew: where the other one's form is wrong its values lead astray.
+    """
+    anew = bool(term.extends) and parameter.feature is Feature.STRIBECK
+    known = 0.0 if anew else law.values.get(parameter.name, 0.0)
     if known > 0.0 or (parameter.name in law.values and parameter.role is Role.FIXED):
         return known
     if parameter.feature in (Feature.DRY, Feature.VISCOUS):
@@ -182,8 +186,17 @@ def _starting_value(
     return scanned.get(parameter.name, parameter.default)
 
 
-def _best_starts(projected: ProjectedResidual, axes: Sequence[Axis]) -> list[Axis]:
-    """The axes that leave least of the residual once everything is projected out that retuning explains."""
+def _best_of_each_law(fits: Sequence[Fit]) -> list[Fit]:
+    """The fits that go on after the first steps."""
+    by_law: dict[str, list[Fit]] = {}
+    for fit in sorted(fits, key=lambda fit: fit.squares.value):
+        by_law.setdefault(fit.axis.friction.term.id, []).append(fit)
+    count = {name: EXTENDED_GOING_ON if laws()[name].extends else GOING_ON for name in by_law}
+    return [fit for name, some in by_law.items() for fit in some[: count[name]]]
+
+
+def _best_starts(projected: ProjectedResidual, term: Term, axes: Sequence[Axis]) -> list[Axis]:
+    """The axes with this law that leave least of the residual once everything is projected out that retuning explains."""
 
     def left(axis: Axis) -> float:
         residual = projected.balance.residual(axis, projected.noise, keep=False)
@@ -191,7 +204,7 @@ def _best_starts(projected: ProjectedResidual, axes: Sequence[Axis]) -> list[Axi
         return float(white @ white)
 
     squares = side_by_side(left, axes)
-    return [axes[k] for k in np.argsort(squares)[:STARTS]]
+    return [axes[k] for k in np.argsort(squares)[: EXTENDED_STARTS if term.extends else STARTS]]
 
 
 def _judged(

@@ -4,9 +4,10 @@
     g(v)  = (coulomb + (static - coulomb) exp(-(v / stribeck_velocity)^2)) h(v)
     F     = stiffness z + damping dz/dt + viscous v
 
-ln h is linear in ln |v| between five knots at stribeck_velocity (1/9, 1/3, 1, 3, 9). It is zero at the first and the last one and
-beyond; shape_1 to shape_3 are h at the three between. With all of them one the law is LuGre's; with others it
-comes near every law of LuGre's kind (Canudas de Wit et al. 1995), with any Stribeck curve of Armstrong-Helouvry et al. (1994).
+ln h is a cubic spline in ln |v| (Catmull and Rom 1974) through five knots at stribeck_velocity (1/9, 1/3, 1, 3, 9). It is zero at
+the first and the last one and beyond; shape_1 to shape_3 are h at the three between. With all of them one the law is LuGre's;
+with others it comes near every law of LuGre's kind (Canudas de Wit et al. 1995), with any Stribeck curve of Armstrong-Helouvry
+et al. (1994). The spline has no kinks: with linear pieces a fit often ended where a knot met the speeds of many samples.
 """
 
 from __future__ import annotations
@@ -30,10 +31,17 @@ from tcs_friction.physics.friction.lugre import (
     starts,
     stribeck_level,
 )
+from tcs_friction.physics.friction.lugre import TERM as LUGRE
 from tcs_friction.physics.terms import VELOCITY, Feature, Parameter, Place, Survey, Term, kernel
 
 APART = 3.0  # factor between the speeds of two knots
 INNER = 3  # knots between the first and the last
+
+
+@njit(cache=True, error_model="numpy")
+def _knot(number: int, parameters: Any) -> float:
+    """ln h at a knot; parameters as for `free_level`."""
+    return math.log(parameters[2 + number]) if 0 < number <= INNER else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -47,9 +55,13 @@ def free_level(velocity: float, parameters: Any) -> float:
     if passed >= INNER + 1:
         return float(level)
     before = int(passed)
-    left = parameters[2 + before] if before > 0 else 1.0
-    right = parameters[3 + before] if before < INNER else 1.0
-    return float(level * left * (right / left) ** (passed - before))
+    left, right = _knot(before, parameters), _knot(before + 1, parameters)
+    rise = right - left
+    at_left = 0.5 * (right - _knot(before - 1, parameters)) if before > 0 else 0.0
+    at_right = 0.5 * (_knot(before + 2, parameters) - left) if before < INNER else 0.0
+    share = passed - before
+    bend = 3.0 * rise - 2.0 * at_left - at_right + share * (at_left + at_right - 2.0 * rise)
+    return float(level * math.exp(left + share * (at_left + share * bend)))
 
 
 @kernel
@@ -96,5 +108,5 @@ TERM = Term(
     scan=scan,
     rate=rate,
     bristle=bristle,
-    extends="lugre",
+    extends=LUGRE.id,
 )
