@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
 from physics_cases import COULOMB
+from scipy.interpolate import CubicHermiteSpline
 
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis

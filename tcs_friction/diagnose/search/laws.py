@@ -20,6 +20,7 @@ import numpy as np
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, settle
 from tcs_friction.diagnose.fit.noise_estimate import misfit
+from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_as_fitted
 from tcs_friction.diagnose.search.plausibility import within_search
@@ -117,6 +118,24 @@ def law_candidates(
         partial(_judged, balance, fit, view, projected.dispersion, alternatives), list(finished.values())
     )
     return sorted(judged, key=lambda candidate: -candidate.score)
+
+
+def extension_promises(balance: TorqueBalance, fit: Fit, term: Term, tried: Sequence[LawCandidate]) -> bool:
+    """Whether a law that extends another one may gain more than chance: to first order, beside the fit with that other law.
+
+    fit: the base of the gain. tried: candidates of other laws. True where the other law is neither the fit's nor among these.
+    """
+    plain = next((x for x in (fit, *(one.fit for one in tried)) if x.axis.friction.term.id == term.extends), None)
+    if plain is None:
+        return True
+    values = plain.axis.friction.values
+    further = {p.name: p.default for p in term.parameters if p.name not in values and p.default is not None}
+    axis = replace(plain.axis, friction=instance(term, {**values, **further}))
+    free = [number for number in balance.free(axis) if number.part is Part.FRICTION and number.name in further]
+    projected = ProjectedResidual(balance, plain)
+    columns = projected.project(balance.jacobian(axis, free, plain.noise, projected.residual))
+    promised = projected.gain(columns)[0] + float(fit.squares - plain.squares)
+    return promised > chance(len(further)) * projected.dispersion
 
 
 def contradicted_at_rest(moving: TorqueBalance, fit: Fit, moving_fit: Fit) -> bool:

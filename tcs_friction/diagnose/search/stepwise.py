@@ -25,7 +25,13 @@ from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candida
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
 from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
-from tcs_friction.diagnose.search.laws import LawCandidate, law_candidates, other_laws, simplest_law
+from tcs_friction.diagnose.search.laws import (
+    LawCandidate,
+    extension_promises,
+    law_candidates,
+    other_laws,
+    simplest_law,
+)
 from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import (
@@ -148,7 +154,8 @@ def _better_law(
 
     If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law. Where
     the residual is as small as its noise no law is looked for, and no gain counts that the errors of the fit's effects may give.
-    One that extends another law is looked for where neither the effect nor any other law leaves as little as the noise.
+    One that extends another law is looked for where it promises to gain, and neither the effect nor any other law leaves as
+    little as the noise.
     """
 
     def left(one: Fit) -> float:
@@ -164,7 +171,7 @@ def _better_law(
     tried = with_laws([term for term in terms if not term.extends])
     others = [candidate.fit for candidate in tried] + ([effect.fit] if effect is not None else [])
     if min(map(left, others), default=found) >= 1.0 + NOISE_SHARE:
-        tried += with_laws([term for term in terms if term.extends])
+        tried += with_laws([x for x in terms if x.extends and extension_promises(balance, fit, x, tried)])
     best = simplest_law(balance, tried)
     if best is None or best.gain < imperfection(base, fit, balance):
         return None
