@@ -43,6 +43,7 @@ from tcs_friction.diagnose.search.stepwise import (
     select_effects,
 )
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.friction.lugre import NARROWEST
 from tcs_friction.physics.terms import Need
 from tcs_friction.recording.recording import Recording
 
@@ -116,14 +117,16 @@ def _unless_contradicted_at_rest(
 ) -> tuple[TorqueBalance, Fit, Fit]:
     """Balance, retuned fit and the fit to start a search from.
 
-    Where the recording contradicts the law's memory at rest, that has a law without memory, and nothing is compared where such
-    friction is unknown.
+    Where the recording contradicts the law's memory at rest, or retuning leaves bristles too narrow to be seen in it, that has
+    a law without memory, and nothing is compared where such friction is unknown.
     """
     if retuned.axis.friction.term.without_memory:
         return balance, retuned, retuned
     other = TorqueBalance(prepare(recordings, at_rest=False), balance.stated_delay)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
-    law = law_without_memory(other, again, believed) if contradicted_at_rest(other, retuned, again) else None
+    unseen = retuned.axis.bristle < NARROWEST * balance.data.position_noise
+    asked = unseen or contradicted_at_rest(other, retuned, again)
+    law = law_without_memory(other, again, believed) if asked else None
     if law is None:
         return balance, retuned, retuned
     return other, again, settle(other, law.axis, law.noise, rounds=2)

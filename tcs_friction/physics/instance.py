@@ -48,6 +48,11 @@ class Instance:
         return self.term.extent(self.values) if self.term.extent is not None else None
 
     @property
+    def values_of_law(self) -> Mapping[str, float]:
+        """Of a law: its values, and the stiffness of its bristles where no parameter is that."""
+        return self.values if self.term.stiffness is None else {**self.values, "stiffness": self.term.stiffness(self.values)}
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """Names of the recorded signals that it acts through."""
         own = () if self.signal is None else (self.signal,)

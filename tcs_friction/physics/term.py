@@ -64,6 +64,7 @@ class Term:
     -----------------
     Exactly one parameter has the feature DRY: the level of the dry friction, N m.
     bristle: travel (rad) over which its dry friction builds up, from its values; 0 without bristles.
+    stiffness: of its bristles where they begin to bend, N m/rad, from its values; None where a parameter has that name.
     usual: whether it is the one to take, among laws with the same features, where nobody names a law.
     extends: id of the law that it is where its further parameters have their defaults; few recordings determine those, and laws
     are compared without it unless it is named.
@@ -135,6 +136,7 @@ class Term:
     orders: Orders = many_periods
     rate: Rate = no_rate
     bristle: Callable[[Values], float] = no_travel
+    stiffness: Callable[[Values], float] | None = None
     usual: bool = False
     extends: str = ""
     of_law: Completes = no_law

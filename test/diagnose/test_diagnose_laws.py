@@ -39,6 +39,7 @@ from tcs_friction.recording.recording import Recording
 
 SURVEY = Survey((-0.5, 0.5), 1e-5, 5e-3, 0.0, 80.0, 20.0, 5e-8, 1000.0, 60.0, 0.0)
 VALUES = LUGRE | {"exponent": 2.0, "shape_1": 0.9, "shape_2": 1.1, "shape_3": 0.85}
+VALUES |= {"transient": 25.0, "presliding_distance": 6e-4, "ratio": 0.4}
 
 
 class FakeSquares(float):
@@ -83,6 +84,7 @@ def tracked(name: str) -> Recording:
         ("coulomb_viscous", "coulomb_viscous", set()),  # at rest it only bounds the torque
         ("coulomb_viscous", "dahl_viscous", set()),  # whose memory says what nothing remembers
         ("stribeck_static", "dahl_viscous", {"stribeck"}),
+        ("bliman_sorine", "stribeck_static", {"presliding"}),  # of which the drop is no part
     ],
 )
 def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, names: set[str]) -> None:
@@ -111,6 +113,13 @@ def test_what_grows_with_the_load_takes_no_other_law() -> None:
     others = other_laws(own)
     assert own.friction.term not in others
     assert all(term.features >= own.friction.term.features and "torque" not in term.reads for term in others)
+
+
+def test_a_law_with_a_drop_may_give_way_to_one_without() -> None:
+    assert {term.id for term in other_laws(with_law("stribeck_static"))} >= {"bliman_sorine", "dahl_viscous", "lugre"}
+    others = {term.id for term in other_laws(with_law("lugre"))}
+    assert "bliman_sorine" in others
+    assert not others & {"dahl_viscous", "coulomb_viscous"}, "LuGre's law without a drop, and less"
 
 
 def test_a_law_with_what_the_data_cannot_carry_takes_no_place() -> None:

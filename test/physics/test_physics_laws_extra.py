@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.registry import law, laws
+from tcs_friction.physics.registry import effect, law, laws
 from tcs_friction.physics.terms import Instance, instance
 
 BLIMAN = instance(
@@ -177,6 +177,13 @@ def test_a_free_curve_whose_shapes_are_one_is_lugres() -> None:
     position = 1e-3 * np.sin(2.0 * np.pi * 0.5 * 1e-3 * np.arange(4000))
     plain, lugre = (walked(instance(law(name), values), position, 1e-3) for name in ("free_curve", "lugre"))
     assert plain == pytest.approx(lugre, abs=1e-9)
+
+
+def test_a_law_of_two_elements_says_how_stiff_its_bristles_are() -> None:
+    """Its friction rises from rest by the slope of the faster element less that of the slower one."""
+    rise = walked(BLIMAN.replace(viscous=0.0), 1e-9 * np.arange(2), 1e-3)[-1] / 1e-9
+    completed = effect("presliding").of_law(BLIMAN.values_of_law)
+    assert completed["stiffness"] == pytest.approx(rise, rel=1e-3)
 
 
 def test_bam_grows_with_the_load() -> None:

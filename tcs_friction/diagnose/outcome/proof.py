@@ -143,7 +143,7 @@ class _Proof:
         covariance = fit.covariance * fit.squares.dispersion
 
         def stated(axis: Axis) -> dict[str, float]:
-            return dict(term.of_law(axis.friction.values))
+            return dict(term.of_law(axis.friction.values_of_law))
 
         here = stated(fit.axis)
         slopes = {

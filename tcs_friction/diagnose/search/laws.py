@@ -36,7 +36,7 @@ FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of those 
 FAR_WORSE = 2.0  # times the squares of the best law after the first steps: further steps win no tenth of that
 CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
 LONGEST_BRISTLE = 0.1  # of the travel: what bends over more of it is a spring or gravity
-LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts that was zero
+LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +83,20 @@ def unloaded_laws() -> list[Term]:
 def other_laws(axis: Axis, excluded: frozenset[str] = frozenset()) -> list[Term]:
     """The laws that can take the place of an axis' own: they have all of its features.
 
+    A Stribeck drop may be missing, unless the law is the own one without it: where friction is high at reversals, a drop may
+    stand in for bristles, or for a bristle of two elements.
+
     excluded: ids of effects that the data cannot carry; a law that differs by what such an effect stands for is none, also where
     it only has another form of that.
     """
     own = axis.friction.term
     known, hidden = {p.name for p in own.parameters}, {f for name in excluded for f in effects()[name].features}
-    better = [term for term in unloaded_laws() if term is not own and term.features >= own.features]
+
+    def can_take_its_place(term: Term) -> bool:
+        without_drop = term.features | {Feature.STRIBECK} >= own.features and {p.name for p in term.parameters} - known
+        return term is not own and (term.features >= own.features or bool(without_drop))
+
+    better = filter(can_take_its_place, unloaded_laws())
     return [term for term in better if not any(p.feature in hidden for p in term.parameters if p.name not in known)]
 
 
@@ -197,12 +205,18 @@ def _starting_value(
     """
     anew = bool(term.extends) and parameter.feature is Feature.STRIBECK
     known = 0.0 if anew else law.values.get(parameter.name, 0.0)
+    if parameter.feature is Feature.VISCOUS:
+        return max(_alike(law, Feature.VISCOUS), LEAST_VISCOUS * view.level / max(view.fast, 1e-300))
     if known > 0.0 or (parameter.name in law.values and parameter.role is Role.FIXED):
         return known
-    if parameter.feature in (Feature.DRY, Feature.VISCOUS):
-        alike = (law.values[p.name] for p in law.term.parameters if p.feature is parameter.feature)
-        return max(next(alike, 0.0), LEAST_VISCOUS * view.level / max(view.fast, 1e-300))
+    if parameter.feature is Feature.DRY:
+        return _alike(law, Feature.DRY)
     return scanned.get(parameter.name, parameter.default)
+
+
+def _alike(law: Instance, feature: Feature) -> float:
+    """The first value of a law with this feature, 0 without one."""
+    return next((law.values[p.name] for p in law.term.parameters if p.feature is feature), 0.0)
 
 
 def _best_of_each_law(fits: Sequence[Fit]) -> list[Fit]:
@@ -300,6 +314,6 @@ def missing_features(better: Term, believed: Term) -> dict[Term, frozenset[Featu
 
 def completing(term: Term, law: Instance) -> Instance:
     """The effect that has of a law what it completes; what the law does not say is as small as it can be."""
-    known = dict(term.of_law(law.values))
+    known = dict(term.of_law(law.values_of_law))
     rest = {p.name: max(p.lower, 0.0) for p in term.parameters if p.default is None and p.name not in known}
     return instance(term, known | rest)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tcs_friction.physics.friction.lugre import bristle_step
+from tcs_friction.physics.friction.lugre import NARROWEST, bristle_step
 from tcs_friction.physics.terms import (
     DRY,
     LEVEL,
@@ -45,7 +45,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     """Bristle travels from the position's noise to a tenth of the travel; without damping and with half the critical one."""
     starts = []
-    for width in geometric(max(10.0 * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9):
+    for width in geometric(max(NARROWEST * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9):
         stiffness = survey.level / width
         starts += [
             {"stiffness": stiffness, "damping": d * (stiffness * survey.inertia) ** 0.5} for d in (0.01, 1.0)

@@ -31,7 +31,7 @@ from tcs_friction.physics.terms import (
     spring_rate,
 )
 
-USUAL_TRANSIENT = 0.4  # times Coulomb friction, where a search starts
+USUAL_TRANSIENT, USUAL_RATIO = 0.4, 0.3  # times Coulomb friction, and of distances, where a search starts
 
 
 @kernel
@@ -52,16 +52,27 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
+    """Starts that are as stiff as a bristle of each width."""
+    wider = (1.0 + USUAL_TRANSIENT) / USUAL_RATIO - USUAL_TRANSIENT
     return [
-        {"transient": USUAL_TRANSIENT * survey.level, "presliding_distance": width}
+        {"transient": USUAL_TRANSIENT * survey.level, "presliding_distance": wider * width}
         for width in bristle_widths(survey)
     ]
 
 
 def rate(values: Mapping[str, float], inertia: float) -> float:
     """Of the inertia on the faster element, as stiff as it is after a reversal."""
-    stiffness = (values["coulomb"] + values["transient"]) / (values["ratio"] * values["presliding_distance"])
-    return spring_rate(stiffness, values["viscous"], inertia)
+    return spring_rate(_faster(values), values["viscous"], inertia)
+
+
+def stiffness(values: Mapping[str, float]) -> float:
+    """Of the faster element less that of the slower one."""
+    return _faster(values) - values["transient"] / values["presliding_distance"]
+
+
+def _faster(values: Mapping[str, float]) -> float:
+    """Stiffness of the faster element, N m/rad."""
+    return (values["coulomb"] + values["transient"]) / (values["ratio"] * values["presliding_distance"])
 
 
 def bristle(values: Mapping[str, float]) -> float:
@@ -86,7 +97,7 @@ TERM = Term(
             feature=Feature.PRESLIDING,
         ),
         Parameter(
-            "ratio", "", "distance of the rise over that of the fall", lower=0.01, upper=0.99, default=0.3
+            "ratio", "", "distance of the rise over that of the fall", lower=0.01, upper=0.99, default=USUAL_RATIO
         ),
         VISCOUS_COEFFICIENT,
     ),
@@ -96,4 +107,5 @@ TERM = Term(
     scan=scan,
     rate=rate,
     bristle=bristle,
+    stiffness=stiffness,
 )

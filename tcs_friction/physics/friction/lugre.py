@@ -39,6 +39,7 @@ from tcs_friction.physics.terms import (
 
 VANISHED = 40.0  # exponent beyond which a bell curve is below rounding
 SHORT = 0.1  # bristle widths that a short step travels
+NARROWEST = 10.0  # times the position's noise: the travel of a bristle that a recording resolves
 USUAL_STATIC = (
     1.4  # times Coulomb friction, where a search starts: 1.1 to 2 are reported (Armstrong-Helouvry 1994)
 )
@@ -148,7 +149,7 @@ def bristle_widths(survey: Survey) -> list[float]:
     """Travels (rad) over which friction may build up: that of the axis' own bristles, else from the position's noise on."""
     if survey.bristle > 0.0:
         return [survey.bristle]
-    return geometric(max(10.0 * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9)
+    return geometric(max(NARROWEST * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9)
 
 
 def stribeck_velocities(survey: Survey) -> list[float]:
