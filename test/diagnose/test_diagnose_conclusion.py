@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -280,6 +281,34 @@ def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
         assert _outshone(one, [large, one], noise) == outshone, (size, floor)
         assert not _outshone(one, [one], noise), "the other one is described only"
         assert not _outshone(large, [large, one], noise)
+
+
+def test_what_acts_through_a_signal_outshines_larger_effects(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    """Wind, say: how it acts as the axis turns is in no recorded signal."""
+    balance, retuned, both = fitted
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    wind = instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed")
+    one, noise = replace(small, torque_rms=0.4 * large.torque_rms), 0.5 * large.torque_rms
+    assert _outshone(one, [replace(large, instance=wind), one], noise)
+    assert not _outshone(one, [large, one], noise)
+
+
+def test_of_effects_that_take_each_other_away_none_is_named_where_more_is_left_than_noise(
+    fitted: tuple[TorqueBalance, Fit, Fit],
+) -> None:
+    """Of two large torques against each other only their sum is known."""
+    balance, retuned, _ = fitted
+    for turned, gone in ((math.pi, True), (0.0, False)):
+        pair = [instance(effect("imbalance"), {"amplitude": a, "phase": p}) for a, p in ((20.0, 1.2), (15.0, 1.2 + turned))]
+        fit = unfitted(balance, axis().with_effect(pair[0]).with_effect(pair[1]), retuned.noise, KNOWN)
+        proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
+        assert [proof.cancelled(item) for item in fit.axis.effects] == [gone, gone]
+        contests = tuple(contest(balance, fit, item.identity) for item in fit.axis.effects)
+        for floor in (0.3, 1e3):
+            found = found_effects(balance, Explanation(retuned, fit, fit, None, (), contests), axis(), floor)
+            if gone and floor < 1.0:
+                assert not any(one.established for one in found)
 
 
 def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:

@@ -6,6 +6,7 @@ largest torque first.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,9 +21,11 @@ from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
+from tcs_friction.diagnose.remainder.remainder import CANCELLED, COMPLETE
 from tcs_friction.diagnose.search.harmonics import added_effects
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.matched_filter import in_step
+from tcs_friction.diagnose.search.plausibility import own_torque
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Place, Role
@@ -32,6 +35,7 @@ RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must
 ECHO = 0.2  # of an effect's torque, that another one like it must have: form, gain and timing of the larger are known no better
 OUTSHONE = 0.3  # of another effect's torque, that one within the noise must have: its square is what another engine's effects at
 # least left of theirs (see agreement), because their form differs
+OUTSHONE_BY_SIGNAL = 0.5  # the same beside what acts through a recorded signal: wind, say, acts in another way as the axis turns
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 
@@ -40,6 +44,8 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
     proof = _Proof(balance, explanation)
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
+    if rms(proof.residual(proof.fit.axis)[balance.train]) > COMPLETE * floor:
+        found = [replace(one, established=one.established and not proof.cancelled(one.instance)) for one in found]
     named = [one for one in found if one.established]
     found = [replace(one, established=one.established and not _outshone(one, named, floor)) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
@@ -117,6 +123,16 @@ class _Proof:
             and not self._echoes(item, size),
         )
 
+    def cancelled(self, item: Instance) -> bool:
+        """Whether others take away most of an effect's torque: where the model is wrong otherwise, only their sum is known."""
+        items = [one for one in self.fit.axis.effects if one is not item]
+        if item not in self.fit.axis.effects or not items:
+            return False
+        torques = np.stack([own_torque(self.balance, self.fit, one)[self.balance.train] for one in (item, *items)])
+        gram = torques @ torques.T
+        sums = (np.array([1.0, *chosen]) for chosen in itertools.product((0.0, 1.0), repeat=len(items)))
+        return any(float(one @ gram @ one) < CANCELLED * gram[0, 0] for one in sums)
+
     def _echoes(self, item: Instance, size: float) -> bool:
         """Whether an effect is so small beside another like it that it may be what the other's form does not meet.
 
@@ -193,7 +209,11 @@ def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:
 
     It comes back in every piece of a recording that repeats its moves, as a true effect does.
     """
-    return one.torque_rms < floor and any(one.torque_rms < OUTSHONE * other.torque_rms for other in named)
+
+    def least(other: Found) -> float:
+        return (OUTSHONE_BY_SIGNAL if other.instance.signals else OUTSHONE) * other.torque_rms
+
+    return one.torque_rms < floor and any(one.torque_rms < least(other) for other in named if other is not one)
 
 
 def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:

@@ -22,6 +22,7 @@ from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import instance
 
 CANCELLED = 0.4  # of the single effects' power that is left of them together, below which they are said to cancel each other
+MANY = 3  # effects, that may be parts of one map though nothing remains
 COMPLETE = 1.25  # times the noise floor, that a map leaves which explains all
 TIE = 0.2  # of the noise power, by which effects with a map must beat a map alone
 
@@ -62,11 +63,12 @@ def _map_instead(
 ) -> MapInstead | None:
     """A learned map on the retuned axis, where it does as well as the effects of a fit.
 
-    Only where structure remains or the effects cancel each other is this asked.
+    Only where structure remains, the effects are many or cancel each other is this asked.
     """
-    if not added_effects(fit.axis, retuned.axis):
+    found = added_effects(fit.axis, retuned.axis)
+    if not found:
         return None
-    if structure is None and _power_left_by_cancellation(balance, fit, retuned) > CANCELLED:
+    if structure is None and len(found) < MANY and _power_left_by_cancellation(balance, fit, retuned) > CANCELLED:
         return None
     best = fit if structure is None else with_map(balance, fit, structure)
     noise = with_spectrum(balance, best.noise, balance.residual(best.axis, best.noise), best.axis.inertia)
