@@ -83,10 +83,10 @@ def test_the_policy_is_what_the_nodes_do(together: Callable[..., Any]) -> None:
         return {rule: names for rule, names in left.items() if names}
 
     for name in together_made:  # discovery takes a while, node by node and topic by topic
-        graph.until(lambda name=name: not unused(name))
-        assert not unused(name), f"{name}: allowed, and not done"
+        assert graph.until(lambda name=name: not unused(name)), f"{name}: allowed, and not done: {unused(name)}"
     graph.for_seconds(1.0)
     for name in together_made:
         for rule, names in of_node(graph.driver, name).items():
             more = names - allowed[name][rule]
             assert not more, f"{name} {rule}: not allowed, and done"
+        assert not unused(name), f"{name}: allowed, and done no longer"
