@@ -11,6 +11,7 @@ from tcs_friction.physics.declarations import (
     Completes,
     Extent,
     Implausible,
+    InertiaOver,
     Local,
     Need,
     Orders,
@@ -58,6 +59,7 @@ class Term:
     step resolves it.
     transfer: where it is a linear filter, the complex amplitude that it adds at complex frequencies s (rad/s): to the torque,
     over that torque, for a DRIVE term; to the required torque, over inertia times acceleration, for a BODY.
+    inertia_over: of a BODY that changes the inertia over the position: by which factor, from its values and angles (n,), rad.
     warn: what is doubtful about a set of values (a passivity condition, say), one line each.
 
     Of a friction law
@@ -148,6 +150,7 @@ class Term:
     inverse: Kernel | None = None
     uncancelled: str = ""
     rings: Rings | None = None
+    inertia_over: InertiaOver | None = None
 
     def __post_init__(self) -> None:
         where = f"term {self.id}"

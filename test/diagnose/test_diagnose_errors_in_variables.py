@@ -16,6 +16,8 @@ from tcs_friction.diagnose.fit.joint_fit import fit_untimed, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.fit.noise_estimate import driven_part
 from tcs_friction.diagnose.fit.parameters import Part, free_parameters, read_numbers, with_numbers
+from tcs_friction.diagnose.fit.second_body import motion_gain
+from tcs_friction.physics.axis import Axis
 
 FREQUENCY = np.linspace(0.0, 20.0, 129)
 
@@ -93,3 +95,49 @@ def test_a_torque_that_is_not_logged_makes_no_axis_lighter() -> None:
     plain = fit_untimed(balance, fit.axis, replace(fit.noise, bias=AttenuationBias()), 12)
     assert plain.axis.inertia < 0.992 * plant.inertia
     assert abs(fit.axis.inertia - plant.inertia) < 0.6 * abs(plain.axis.inertia - plant.inertia)
+
+
+def test_the_jacobian_of_a_closed_loop_is_that_of_its_controller() -> None:
+    """What bodies change in it is log |J G s^2 + C|^2, whatever the controller C, in amplitude and in phase."""
+    inertia, s = axis().inertia, 2j * np.pi * FREQUENCY[1:]
+    controller = inertia * (40.0 * s + 600.0 + 900.0 / s)
+    swinging = {ratio: axis(item("flexible_mode", frequency=8.0, damping=0.05, inertia_ratio=ratio)) for ratio in (0.1, 0.3)}
+
+    def jacobian(plant: Axis) -> np.ndarray:
+        return np.log(np.abs(inertia * motion_gain(plant, FREQUENCY[1:]) * s**2 + controller) ** 2)
+
+    known = swinging[0.1]
+    sensitivity = 1.0 / (1.0 + controller / (inertia * motion_gain(known, FREQUENCY[1:]) * s**2))
+    bias = AttenuationBias(known, True, FREQUENCY[1:], sensitivity, np.zeros(1), 50.0, np.zeros(128))
+    change = bias.squares(swinging[0.3]) - bias.squares(known)
+    assert change == pytest.approx(-50.0 * float(np.sum(jacobian(swinging[0.3]) - jacobian(known))), rel=1e-9)
+    without = bias.squares(axis()) - bias.squares(known)
+    assert without == pytest.approx(-50.0 * float(np.sum(jacobian(axis()) - jacobian(known))), rel=1e-9)
+
+
+def test_at_the_edge_of_stability_the_correction_stays_finite() -> None:
+    held = AttenuationBias(axis(), True, FREQUENCY, np.full(129, 2.0), np.zeros(1), 50.0, np.zeros(129))
+    rigid = axis(item("flexible_mode", frequency=1e3, damping=0.05, inertia_ratio=0.5))
+    assert np.isfinite(held.squares(rigid))
+
+
+def test_an_inertia_that_changes_over_the_position_moves_its_mean() -> None:
+    position = np.linspace(0.0, 0.5, 65)
+    bias = AttenuationBias(axis(), True, FREQUENCY, np.full(129, 0.8), position, 50.0, np.zeros(129))
+    changing = axis(item("position_dependent_inertia", amplitude=0.3, phase=0.4))
+    mean = float(np.exp(np.mean(np.log(1.0 + 0.3 * np.cos(2.0 * position + 0.4)))))
+    assert mean > 1.1
+    assert bias.squares(changing) == pytest.approx(bias.squares(replace(axis(), inertia=mean * axis().inertia)), rel=1e-9)
+    free = free_parameters(changing)
+    slopes = {number.name: slope for number, slope in zip(free, bias.gradient(changing, free), strict=True) if slope}
+    assert set(slopes) == {"inertia", "amplitude"}
+
+
+def test_where_few_blocks_are_quiet_the_answer_is_that_of_more_frequencies() -> None:
+    """One block at each of half of the frequencies: alone it would be as uncertain as the noise is large."""
+    residual, inertial = spectra(0.8)
+    inertial[1:, 40:104] += 100.0
+    found = attenuation_bias(axis(), 1e7, FREQUENCY, residual, inertial, 100.0, np.zeros(129)).sensitivity
+    alone = -(np.conj(residual) * inertial)[0]
+    assert np.std(found[44:100] - 0.8) < 0.3 * np.std(alone[44:100] - 0.8)
+    assert np.abs(found - 0.8).max() < 0.4

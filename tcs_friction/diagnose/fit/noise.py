@@ -145,7 +145,7 @@ class NoiseModel:
     def drive_bias(self) -> AttenuationBias:
         """The bias of squares that are weighted by the share of the noise that does not come from the encoder."""
         weight = (1.0 - self.encoder_share_at(self.bias.frequency)) ** 2
-        return replace(self.bias, whole=self.bias.whole * weight)
+        return replace(self.bias, weight=weight)
 
     def encoder_share_at(self, frequency: np.ndarray) -> np.ndarray:
         """Share of the encoder in the noise power at frequencies (k,), Hz."""

@@ -33,6 +33,7 @@ NEIGHBOURS = 3  # frequencies whose mean power says whether motion is driven the
 LEVEL_SECONDS = 1.0  # over which the noise level may change
 SHORTEST_LEVEL_WINDOW = 8  # samples
 LOUDEST_NOISE = 4.0  # times the usual power; what is louder is missing physics and keeps its weight
+PLACES = np.linspace(0.0, 1.0, 65)  # quantiles of the positions, over which an inertia is averaged
 USUAL_DEVIATIONS = 3.0  # standard deviations of a level estimate that count as usual
 
 
@@ -170,4 +171,6 @@ def with_bias(balance: TorqueBalance, axis: Axis, noise: NoiseModel, residual: n
     driven, count = float(inertial @ inertial), len(noise.samples.rows) / len(frequency)
     frequency = frequency[inside]
     allowed = noise.encoder_share_at(frequency)
-    return replace(noise, bias=attenuation_bias(axis, driven, frequency, in_residual, in_motion, count, allowed))
+    position = np.quantile(balance.data.joined("position")[noise.samples.rows], PLACES)
+    bias = attenuation_bias(axis, driven, frequency, in_residual, in_motion, count, allowed, position)
+    return replace(noise, bias=bias)

@@ -1,6 +1,7 @@
-"""Second bodies that resonate with an axis: the torque that an acceleration of the axis requires for them.
+"""What an acceleration of an axis moves: its inertia at each position, and second bodies that resonate with it.
 
-In: an axis. Out: the gain 1 + sum_i G_i(j 2 pi f) of the required torque over J a, with the transfer function G_i of each body.
+In: an axis. Out: the logarithm of its inertia over positions, and the gain 1 + sum_i G_i(j 2 pi f) of the required torque over
+J a, with the transfer function G_i of each body.
 """
 
 from __future__ import annotations
@@ -26,3 +27,9 @@ def motion_gain(axis: Axis, frequency: np.ndarray) -> np.ndarray:
         assert item.term.transfer is not None
         gain += item.term.transfer(item.values, s)
     return gain
+
+
+def log_inertia(axis: Axis, position: np.ndarray) -> float:
+    """Mean logarithm of the inertia that moves at positions (n,)."""
+    factors = [x.term.inertia_over(x.values, axis.cycle * position) for x in axis.effects if x.term.inertia_over is not None]
+    return math.log(axis.inertia) + float(sum(np.mean(np.log(factor)) for factor in factors))

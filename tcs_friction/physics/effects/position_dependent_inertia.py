@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from tcs_friction.physics.terms import (
     CYCLE,
@@ -28,6 +31,10 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     return float(-inertia * parameters[0] * motion[CYCLE] * math.sin(angle) * motion[VELOCITY] ** 2)
 
 
+def inertia_over(values: Mapping[str, float], angle: np.ndarray) -> np.ndarray:
+    return 1.0 + values["amplitude"] * np.cos(2.0 * angle + values["phase"])
+
+
 TERM = Term(
     id="position_dependent_inertia",
     place=Place.BODY,
@@ -44,4 +51,5 @@ TERM = Term(
     coordinate="acceleration",
     subsystem="structure",
     needs=frozenset({Need.ACCELERATION, Need.MEASURED_INERTIA, Need.TRAVEL}),
+    inertia_over=inertia_over,
 )
