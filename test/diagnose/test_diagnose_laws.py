@@ -85,6 +85,7 @@ def tracked(name: str) -> Recording:
         ("coulomb_viscous", "dahl_viscous", set()),  # whose memory says what nothing remembers
         ("stribeck_static", "dahl_viscous", {"stribeck"}),
         ("bliman_sorine", "stribeck_static", {"presliding"}),  # of which the drop is no part
+        ("reset_integrator", "dahl_viscous", {"stribeck"}),  # whose torque jumps where the bond breaks
     ],
 )
 def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, names: set[str]) -> None:

@@ -11,6 +11,7 @@ vocabulary that completes a law by it, and is named only if no law without that 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,6 +27,7 @@ from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, chance, threshold
+from tcs_friction.numerics.pattern_search import pattern_search
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects, laws
 from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Survey, Term, instance
@@ -33,9 +35,12 @@ from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Surve
 STARTS, GOING_ON = 2, 1  # of each law that are fitted jointly: at first, and to the end
 EXTENDED_STARTS, EXTENDED_GOING_ON = 6, 3  # of a law that extends another: its cost has many minima
 FIRST_STEPS, MORE_STEPS = 4, 12  # of joint fits: of every start, then of those that go on
+SAME_SHAPE = 1.5  # factor between parameters of two starts, below which both would end in the same minimum
 FAR_WORSE = 2.0  # times the squares of the best law after the first steps: further steps win no tenth of that
 CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
 LONGEST_BRISTLE = 0.1  # of the travel: what bends over more of it is a spring or gravity
+FIRST_STEP, PATTERN_ROUNDS = 0.4, 25  # of a pattern search for a law whose torque jumps: log units, halved in rounds without gain
+STEADY = (Feature.DRY, Feature.VISCOUS)  # friction in steady sliding, which a fit with any law has told
 LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts at least
 
 
@@ -229,7 +234,10 @@ def _best_of_each_law(fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _best_starts(projected: ProjectedResidual, term: Term, axes: Sequence[Axis]) -> list[Axis]:
-    """The axes with this law that leave least of the residual once everything is projected out that retuning explains."""
+    """The axes with this law that leave least of the residual once everything is projected out that retuning explains.
+
+    Their shapes differ: a fit from nearly the same place would end in the same minimum.
+    """
 
     def left(axis: Axis) -> float:
         residual = projected.balance.residual(axis, projected.noise, keep=False)
@@ -237,7 +245,32 @@ def _best_starts(projected: ProjectedResidual, term: Term, axes: Sequence[Axis])
         return float(white @ white)
 
     squares = side_by_side(left, axes)
-    return [axes[k] for k in np.argsort(squares)[: EXTENDED_STARTS if term.extends else STARTS]]
+    best: list[Axis] = []
+    for k in np.argsort(squares):
+        if not any(_alike_in_shape(axes[k].friction, other.friction) for other in best):
+            best.append(axes[k])
+    best = best[: EXTENDED_STARTS if term.extends else STARTS]
+    if not term.discontinuous:
+        return best
+    return side_by_side(lambda axis: pattern_search(axis, left, _neighbours, FIRST_STEP, PATTERN_ROUNDS), best)
+
+
+def _shape(term: Term) -> list[str]:
+    """The free parameters of a law but dry and viscous friction."""
+    return [p.name for p in term.parameters if p.role is not Role.FIXED and p.feature not in STEADY]
+
+
+def _alike_in_shape(one: Instance, other: Instance) -> bool:
+    """Whether no parameter of the shape of two instances of a law differs by a factor."""
+    pairs = [(one.values[name], other.values[name]) for name in _shape(one.term)]
+    return all(max(a, b) < SAME_SHAPE * min(a, b) or a == b for a, b in pairs)
+
+
+def _neighbours(axis: Axis, step: float) -> list[Axis]:
+    """The axes that have one number of the law's shape larger or smaller by a step of its logarithm."""
+    law = axis.friction
+    moves = [{name: law.values[name] * math.exp(way * step)} for name in _shape(law.term) for way in (1, -1)]
+    return [replace(axis, friction=law.replace(**move)) for move in moves]
 
 
 def _judged(

@@ -40,6 +40,7 @@ from tcs_friction.physics.terms import (
 VANISHED = 40.0  # exponent beyond which a bell curve is below rounding
 SHORT = 0.1  # bristle widths that a short step travels
 NARROWEST = 10.0  # times the position's noise: the travel of a bristle that a recording resolves
+MISJUDGED = (1.0, 3.0, 1.0 / 3.0, 1.0 / 9.0, 1.0 / 27.0)  # a slow rest of presliding makes bristles seem long
 USUAL_STATIC = (
     1.4  # times Coulomb friction, where a search starts: 1.1 to 2 are reported (Armstrong-Helouvry 1994)
 )
@@ -146,9 +147,12 @@ def bristle(values: Mapping[str, float]) -> float:
 
 
 def bristle_widths(survey: Survey) -> list[float]:
-    """Travels (rad) over which friction may build up: that of the axis' own bristles, else from the position's noise on."""
+    """Travels (rad) over which friction may build up: about that of the axis' own bristles, else from the position's noise on.
+
+    A law that is wrong says badly how far its bristles bend.
+    """
     if survey.bristle > 0.0:
-        return [survey.bristle]
+        return [survey.bristle * factor for factor in MISJUDGED]
     return geometric(max(NARROWEST * survey.resolution, 1e-7 * survey.span), 0.1 * survey.span, 9)
 
 

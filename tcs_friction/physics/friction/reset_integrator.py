@@ -78,4 +78,5 @@ TERM = Term(
     scan=scan,
     rate=rate,
     bristle=bristle,
+    discontinuous=True,
 )
