@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from concealed_torque_cases import Motion, Torque, axis, conditioned, settled, unfitted
 
-from tcs_friction.diagnose.outcome.agreement import FEWEST_PIECES, Agreement, agreement_on, random_effects
+from tcs_friction.diagnose.outcome.agreement import (
+    FEWEST_PIECES,
+    Agreement,
+    _explained,
+    agreement_on,
+    judged,
+    random_effects,
+    untimed,
+)
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance
 
@@ -75,6 +84,47 @@ def test_an_event_in_held_out_data_is_not_judged_by_its_moment() -> None:
     late = instance(effect("load_step"), {"step": 4.0, "time": begins + 0.45 * block})
     known = agreement_on(balance, unfitted(balance, axis().with_effect(late), retuned.noise), retuned, late)
     assert known.explained > 0.98
+    ((event, begin, end),) = untimed(balance, axis().with_effect(late))
+    assert event.term.id == "load_step"
+    assert 6.0 * block - 1.0 < begin < 6.0 * block + 0.1
+    assert 7.0 * block - 0.1 < end < 7.0 * block + 1.0
+    kept = judged(balance, axis().with_effect(late))
+    t = data.joined("t")
+    assert not kept[(t > begin) & (t < end)].any()
+    assert np.array_equal(kept[(t < begin) | (t > end)], balance.held_out[(t < begin) | (t > end)])
+
+
+def test_an_event_between_fitted_samples_is_judged_everywhere() -> None:
+    balance, _ = settled(conditioned(np.random.default_rng(3), seconds=80.0))
+    timed = axis().with_effect(instance(effect("load_step"), {"step": 4.0, "time": 42.0}))
+    assert untimed(balance, timed) == []
+    assert np.array_equal(judged(balance, timed), balance.held_out)
+
+
+def test_noise_of_the_acceleration_says_nothing_of_an_inertia() -> None:
+    """It is in the torque of an effect on the inertia and in the residual, most of all where the axis hardly accelerates."""
+    item = instance(effect("position_dependent_inertia"), {"amplitude": 0.2, "phase": 0.5})
+    rng = np.random.default_rng(4)
+    plain = conditioned(rng, seconds=160.0, speed=0.3)
+    (stretch,) = plain.stretches
+    angle = 2.0 * stretch.position + 0.5
+    hidden = 180.0 * (np.cos(angle) * stretch.acceleration - np.sin(angle) * stretch.velocity**2)
+    noisy = stretch.acceleration + 40.0 / 900.0 * rng.standard_normal(len(stretch.t))
+    data = replace(plain, stretches=(replace(stretch, torque=stretch.torque + hidden, acceleration=noisy),))
+    balance, retuned = settled(data)
+    without = unfitted(balance, replace(axis(), inertia=1080.0), retuned.noise)
+    known = agreement_on(balance, unfitted(balance, axis().with_effect(item), retuned.noise), without, item)
+    assert known.multiple == pytest.approx(1.0, abs=0.015)
+
+
+def test_what_little_held_out_data_have_by_chance_is_not_left() -> None:
+    """Noise alone exceeds its usual power by some percent in so few samples: the share is that of an effect that explains all."""
+    for seed in range(8):
+        data = conditioned(np.random.default_rng(seed), lambda m: np.full(len(m.t), 0.12), seconds=40.0)
+        balance, retuned = settled(data)
+        bias = instance(effect("torque_bias"), {"bias": 0.12})
+        residuals = [balance.residual(x, retuned.noise) for x in (axis(), axis().with_effect(bias))]
+        assert _explained(balance, *residuals, balance.held_out, 1.0) > 0.85, seed
 
 
 def explained(item: Instance, torque: Torque) -> float:

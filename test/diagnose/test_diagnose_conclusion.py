@@ -17,7 +17,13 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
-from tcs_friction.diagnose.outcome.proof import _outshone, _Proof, _resolved, found_effects
+from tcs_friction.diagnose.outcome.proof import (
+    _in_the_mean_of_a_signal,
+    _outshone,
+    _Proof,
+    _resolved,
+    found_effects,
+)
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
@@ -292,6 +298,35 @@ def test_what_acts_through_a_signal_outshines_larger_effects(fitted: tuple[Torqu
     one, noise = replace(small, torque_rms=0.4 * large.torque_rms), 0.5 * large.torque_rms
     assert _outshone(one, [replace(large, instance=wind), one], noise)
     assert not _outshone(one, [large, one], noise)
+
+
+def test_an_event_in_time_is_not_outshone_by_what_is_the_same_at_all_times(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    balance, retuned, both = fitted
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    step = instance(effect("load_step"), {"step": 0.2, "time": 40.0})
+    one, noise = replace(small, instance=step, torque_rms=0.1 * large.torque_rms), 0.5 * large.torque_rms
+    assert not _outshone(one, [large, one], noise)
+    wind = instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed")
+    warming = instance(effect("warmup_drift"), {"dry": 0.1, "viscous": 0.1, "time_constant": 50.0})
+    for other in (wind, warming):
+        assert _outshone(one, [replace(large, instance=other), one], noise), other.term.id
+
+
+def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+    balance, retuned, both = fitted
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    wind = replace(large, instance=instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed"), established=False)
+    gravity = replace(small, instance=instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0}))
+    bias = replace(small, instance=instance(effect("torque_bias"), {"bias": 1.0}))
+    cogging = replace(small, instance=instance(effect("cogging"), {"order": 40.0, "amplitude": 1.0, "phase": 0.0}))
+    assert _in_the_mean_of_a_signal(gravity, [wind, gravity])
+    assert _in_the_mean_of_a_signal(bias, [wind, bias])
+    assert not _in_the_mean_of_a_signal(cogging, [wind, cogging]), "no wind has waves over the position"
+    assert not _in_the_mean_of_a_signal(gravity, [replace(wind, established=True), gravity])
+    larger = replace(gravity, torque_rms=2.0 * wind.torque_rms)
+    assert not _in_the_mean_of_a_signal(larger, [wind, larger])
 
 
 def test_of_effects_that_take_each_other_away_none_is_named_where_more_is_left_than_noise(

@@ -14,6 +14,8 @@ misses. Two questions do not:
    with the variance tau^2 between pieces by DerSimonian and Laird (1986) and the standard error by Hartung and Knapp (2001).
    a over its standard error is Student's t with one degree of freedom less than there are pieces. Held-out pieces count like
    the others: nothing was fitted to them.
+   An effect that changes the inertia has the acceleration's noise in its torque, and so has the residual: there the multiple is
+   that of the part of its torque that is driven (an instrumental variable).
 2. How much of what was not explained before does it explain? An effect that is smaller than what is left may be a part of that.
    The power that it explains over the power beyond noise that is left stands for the odds that it is none. Names for what
    another engine had made in another way explained 79 to 91 % of it, true ones 93 % and more
@@ -33,7 +35,7 @@ from scipy import stats
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.fit.noise_estimate import noise_floor
+from tcs_friction.diagnose.fit.noise_estimate import driven_part, noise_floor
 from tcs_friction.diagnose.search.matched_filter import wave_angle
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
@@ -43,6 +45,7 @@ FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median ov
 PLACES = 24  # of equal length in the travel or the time, over which a mean is what depends on that
 NEXT_ORDERS = 8  # on either side: one period more in the recording is the next one
 AROUND_AN_ORDER = 0.125  # of what is left: it would have to be in a few lines for more of it to be around one order
+BY_CHANCE = 1.645  # standard deviations, that noise exceeds once in twenty
 LEAST_LEFT = 2e-3  # of the noise power, that nobody would see: what one name out of all needs in 15 000 independent samples
 
 
@@ -77,19 +80,23 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
     """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
-    white = [noise.whitening.apply(x, balance.samples) * np.sqrt(noise.local_weight) for x in (before, after)]
-    usable = balance.train | balance.held_out
-    change = np.where(usable, white[0] - white[1], 0.0)
-    size = np.bincount(pieces, change**2)
-    together = np.bincount(pieces, change * np.where(usable, white[0], 0.0))
+    judging = judged(balance, fit.axis)
+    usable = balance.train | judging
+
+    def white(residual: np.ndarray) -> np.ndarray:
+        whitened = noise.whitening.apply(residual, balance.samples) * np.sqrt(noise.local_weight)
+        return np.where(usable, whitened, 0.0)
+
+    change, base = white(before - after), white(before)
+    known = white(driven_part(noise, before - after)) if item.term.inertia_over is not None else change
+    size, power = np.bincount(pieces, known * change), np.bincount(pieces, known**2)
+    together = np.bincount(pieces, known * base)
     level = noise.samples.effective_count / max(len(noise.samples.rows), 1)  # independent samples in one
     seen = size * level > 0.0
-    multiples, variances = together[seen] / size[seen], 1.0 / (size[seen] * level)
+    multiples, variances = together[seen] / size[seen], power[seen] / (size[seen] ** 2 * level)
     mean, deviation = random_effects(multiples, variances)
-    judging = balance.held_out & ~_where_it_begins(balance, item)
-    held = judging if judging.any() else balance.train
     share = _share_that_it_could_be(balance, fit.axis, item, after)
-    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, held, share))
+    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, judging, share))
 
 
 def _share_that_it_could_be(balance: TorqueBalance, axis: Axis, item: Instance, left: np.ndarray) -> float:
@@ -127,13 +134,29 @@ def _power_over(coordinate: np.ndarray, left: np.ndarray) -> float:
     return float(np.sum(np.bincount(place, left) ** 2 / np.maximum(np.bincount(place), 1)))
 
 
-def _where_it_begins(balance: TorqueBalance, item: Instance) -> np.ndarray:
-    """The pieces (n,) in which an event falls that has a time: where it fell in no train data its moment is not known so well."""
-    pieces, t = balance.samples.pieces, balance.data.joined("t")
-    if item.term.coordinate != "time" or item.extent is None:
-        return np.zeros(len(pieces), bool)
-    near = np.abs(t - item.extent[0]) < 1.0 / balance.data.cutoff
-    return np.isin(pieces, pieces[near])
+def judged(balance: TorqueBalance, axis: Axis) -> np.ndarray:
+    """Samples (n,) on which an axis is judged: those held out but `untimed` ones, train data where there are none."""
+    t, held = balance.data.joined("t"), balance.held_out.copy()
+    for _, begin, end in untimed(balance, axis):
+        held &= (t <= begin) | (t >= end)
+    return held if held.any() else balance.train
+
+
+def untimed(balance: TorqueBalance, axis: Axis) -> list[tuple[Instance, float, float]]:
+    """Events in time of an axis that begin where data are held out, and between which two fitted samples (s) that is.
+
+    Nothing that was fitted says when such an event begins.
+    """
+    t, blur = balance.data.joined("t"), 1.0 / balance.data.cutoff
+    fitted, held = np.sort(t[balance.samples.rows]), t[balance.held_out]
+    found = []
+    for item in axis.effects:
+        if item.term.coordinate == "time" and item.extent is not None:
+            begin = float(fitted[fitted < item.extent[0] - blur].max(initial=-math.inf))
+            end = float(fitted[fitted > item.extent[0] + blur].min(initial=math.inf))
+            if np.any((held > begin) & (held < end)):
+                found.append((item, begin, end))
+    return found
 
 
 def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
@@ -157,9 +180,11 @@ def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, fl
 def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray, held: np.ndarray, share: float) -> float:
     """Share that is gone of the power beyond noise, from residuals (n,) where `held` (n,) holds.
 
-    share: of what is left, that the effect could be a part of.
+    What noise alone has in so few samples by chance is not left. share: of what is left, that the effect could be a part of.
     """
     floor = noise_floor(balance, after) ** 2
     gone = max(rms(before[held]) ** 2 - rms(after[held]) ** 2, 0.0)
-    left = max(share * (rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR) * floor), LEAST_LEFT * floor)
+    independent = np.count_nonzero(held) * min(1.0, 2.0 * balance.data.cutoff * balance.data.dt)
+    by_chance = BY_CHANCE * math.sqrt(2.0 / independent)  # a chi-squared over its mean
+    left = max(share * (rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR + by_chance) * floor), LEAST_LEFT * floor)
     return gone / (gone + left)

@@ -18,7 +18,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
-from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, untimed
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
@@ -98,7 +98,8 @@ class _Conclusion:
         moves_better = runs["improved"] <= runs["retuned"] and not (loop and loop.improved_is_worse)
         verdict = self._verdict(errors, unexplained, found, moves_better)
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
-        lines = (*limits(data, believed), *passed_once(data, [i for i in fit.axis.effects if not i.term.tabulated]))
+        added = [item for item in fit.axis.effects if not item.term.tabulated]
+        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed())
         law = fit.axis.friction.term.words if fit.axis.friction.term is not believed.friction.term else ""
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
@@ -157,14 +158,19 @@ class _Conclusion:
 
     def _errors(self, residual: np.ndarray) -> Errors:
         """Rms on train and on held-out data; on train data twice where none are held out."""
-        train, held = residual[self.balance.train], residual[self.balance.held_out]
-        return Errors(rms(train), rms(held) if len(held) else rms(train))
+        held = judged(self.balance, self.explanation.improved.axis)
+        return Errors(rms(residual[self.balance.train]), rms(residual[held]))
 
     def _notes(self) -> tuple[str, ...]:
         fits = {"retuned": self.explanation.retuned, "improved": self.explanation.improved}
         unfinished = [name for name, fit in fits.items() if fit.outcome is Outcome.BUDGET_SPENT]
         lines = (f"the fit of the {name} model was still gaining when its last step was taken" for name in unfinished)
         return (*self.balance.data.notes, *lines)
+
+    def _untimed(self) -> tuple[str, ...]:
+        """One line for each event that begins where no data were fitted."""
+        found = untimed(self.balance, self.explanation.improved.axis)
+        return tuple(f"when the {item.term.words} began: data from {a:.4g} to {b:.4g} s were not fitted" for item, a, b in found)
 
     def _verdict(
         self,

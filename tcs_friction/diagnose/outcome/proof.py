@@ -17,7 +17,7 @@ import numpy as np
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
-from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on, judged
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
@@ -46,6 +46,7 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     if rms(proof.residual(proof.fit.axis)[balance.train]) > COMPLETE * floor:
         found = [replace(one, established=one.established and not proof.cancelled(one.instance)) for one in found]
+    found = [replace(one, established=one.established and not _in_the_mean_of_a_signal(one, found)) for one in found]
     named = [one for one in found if one.established]
     found = [replace(one, established=one.established and not _outshone(one, named, floor)) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
@@ -100,7 +101,7 @@ class _Proof:
         """
         fit, alone = self.explanation.unmapped, self.explanation.without(item)
         before, after = self.residual(alone.axis), self.residual(fit.axis)
-        held = self.balance.held_out if self.balance.held_out.any() else self.balance.train
+        held = judged(self.balance, fit.axis)
         penalty = count * math.log(self.balance.samples.effective_count)
         certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
         agreement = agreement_on(self.balance, fit, alone, item)
@@ -197,20 +198,35 @@ class _Proof:
         return result
 
     def _moment_within(self, moment: float) -> float:
-        """Standard deviation (s) of a moment anywhere between two samples of the fit, or in what the low pass blurs."""
-        t = self.balance.data.joined("t")[self.balance.train]
+        """Standard deviation (s) of a moment between two fitted samples, at one of which it is, or in what the low pass blurs."""
+        t = self.balance.data.joined("t")[self.balance.samples.rows]
         after = int(np.clip(np.searchsorted(t, moment), 1, len(t) - 1))
         gap = max(float(t[after] - t[after - 1]), 1.0 / self.balance.data.cutoff)
-        return gap / math.sqrt(12.0)
+        return gap / math.sqrt(3.0)
+
+
+def _in_the_mean_of_a_signal(one: Found, found: Sequence[Found]) -> bool:
+    """Whether a torque over the position is smaller than what acts through a recorded signal and is itself not established.
+
+    The signal's mean acts at every place in another way: wind on a panel that turns is gravity in the mean.
+    """
+    term = one.instance.term
+    over_position = term.place is Place.OPPOSING and not term.periodic and (bool(term.offset) or term.coordinate == "position")
+    through_signals = [other for other in found if other.instance.signals and not other.established]
+    return over_position and any(one.torque_rms < other.torque_rms for other in through_signals)
 
 
 def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:
     """Whether an effect is within the noise floor and small beside another that is named: the other's form may not meet that.
 
-    It comes back in every piece of a recording that repeats its moves, as a true effect does.
+    It comes back in every piece of a recording that repeats its moves, as a true effect does. An event in time does not: what is
+    the same at all times has no part in it.
     """
+    event = one.instance.term.coordinate == "time" and one.instance.extent is not None
 
     def least(other: Found) -> float:
+        if event and not other.instance.signals and other.instance.term.coordinate != "time":
+            return 0.0
         return (OUTSHONE_BY_SIGNAL if other.instance.signals else OUTSHONE) * other.torque_rms
 
     return one.torque_rms < floor and any(one.torque_rms < least(other) for other in named if other is not one)
