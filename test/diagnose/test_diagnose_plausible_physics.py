@@ -75,6 +75,20 @@ def test_an_offset_beside_a_spring_is_its_neutral_place() -> None:
     assert joined.values["neutral"] == pytest.approx(REST, abs=0.05)
 
 
+def test_gravity_beside_a_spring_that_does_as_much_alone_is_its_neutral_place() -> None:
+    data = conditioned(np.random.default_rng(11), lambda m: STIFFNESS * (m.q - REST), SECONDS)
+    balance, fit = fitted_with(data, item("cable_wrap", stiffness=0.5 * STIFFNESS), item("imbalance", amplitude=1.0, phase=1.0))
+    (joined,) = with_offsets_joined(balance, fit, axis()).axis.effects
+    assert joined.term.id == "cable_wrap"
+    assert joined.values["neutral"] == pytest.approx(REST, abs=0.05)
+
+
+def test_gravity_that_is_there_beside_a_spring_stays() -> None:
+    data = conditioned(np.random.default_rng(11), lambda m: STIFFNESS * m.q + 30.0 * np.sin(m.q + 1.0), SECONDS)
+    balance, fit = fitted_with(data, item("cable_wrap", stiffness=STIFFNESS), item("imbalance", amplitude=30.0, phase=1.0))
+    assert len(with_offsets_joined(balance, fit, axis()).axis.effects) == 2
+
+
 def test_an_offset_that_a_hardening_spring_does_not_share_stays() -> None:
     """A cubic part says where the spring rests."""
     data = conditioned(np.random.default_rng(11), lambda m: STIFFNESS * (m.q - REST) + 4.0 * (m.q - REST) ** 3 + 3.0, SECONDS)

@@ -26,7 +26,7 @@ from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance
+from tcs_friction.physics.terms import Instance, Place, Role
 
 MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is its harmonic: a square wave's third has 1/3
 
@@ -50,13 +50,14 @@ def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
 
 
 def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
-    """The fit in which a constant torque beside a term that has a neutral place is that place, if it explains as much.
+    """The fit in which a term that has a neutral place does what it did together with another torque, if it explains as much.
 
-    `base`: the axis whose effects stay as they are.
+    A constant torque beside a spring is that place. Gravity beside a spring over a part of a turn may be, too. `base`: the axis
+    whose effects stay as they are.
     """
     added = added_effects(fit.axis, base)
     for one, other in itertools.permutations(added, 2):
-        if not (one.term.neutral and other.term.offset):
+        if not (one.term.neutral and (other.term.offset or _shapeless(other))):
             continue
         fewer = fit.axis.without_effect(one).without_effect(other)
         bare = fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
@@ -67,6 +68,13 @@ def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
             if lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise)):
                 return with_offsets_joined(balance, trial, base)
     return fit
+
+
+def _shapeless(item: Instance) -> bool:
+    """Whether an effect is a torque over the position that has a size and no shape, as gravity has."""
+    term = item.term
+    linear = all(p.role in (Role.LINEAR, Role.PHASE) for p in term.parameters)
+    return linear and term.coordinate == "position" and term.place is Place.OPPOSING and not (term.periodic or term.tabulated)
 
 
 def _rests(item: Instance) -> bool:
