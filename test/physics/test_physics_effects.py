@@ -163,6 +163,26 @@ def test_cable_hysteresis_turns_over_with_travel_only() -> None:
     assert called(item, *there, motion(travel=0.0), dt=100.0) == pytest.approx(10.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("exponent", [0.0, 0.3, 0.5, 1.0 - 1e-9])
+def test_cable_hysteresis_follows_the_law_of_dahl(exponent: float) -> None:
+    """Steps are exact: one long step does what many short ones do, and those follow ds/dq = (1 - s sign(v))^exponent / width."""
+    item = plain("cable_hysteresis").replace(exponent=exponent)
+    slope, width = 1e-6, item.values["width"]
+    for travel in (0.0, 0.3 * width, -0.7 * width):
+        before = called(item, motion(travel=travel)) / 10.0
+        after = called(item, motion(travel=travel), motion(travel=slope * width)) / 10.0
+        assert (after - before) / slope == pytest.approx((1.0 - before) ** exponent, rel=1e-4)
+    assert called(item, *[motion(travel=0.01 * width)] * 70) == pytest.approx(called(item, motion(travel=0.7 * width)), rel=1e-9)
+
+
+def test_a_cable_that_slips_at_once_is_a_spring_that_gives_way() -> None:
+    item = plain("cable_hysteresis").replace(exponent=0.0)
+    width = item.values["width"]
+    for travel, expected in ((0.4, 4.0), (1.5, 10.0), (-0.25, -2.5)):
+        assert called(item, motion(travel=travel * width)) == pytest.approx(expected)
+    assert called(item, motion(travel=5.0 * width), motion(travel=-0.5 * width)) == pytest.approx(5.0)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.0004, 0.001, 0.0031, 0.02])
 def test_transport_delay_shifts_a_line_exactly(delay: float) -> None:
     item = instance(effect("transport_delay"), {"delay": delay})
