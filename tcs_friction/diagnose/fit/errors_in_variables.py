@@ -46,10 +46,10 @@ class AttenuationBias:
     """Squares that noise takes away from an axis with less inertia, at frequencies (m,), Hz.
 
     axis: the one whose noise it is; None: nothing is known of noise. sensitivity (m,): of the loop, complex: what the
-    acceleration has of the noise in the residual. position (k,): a sample of where the axis is. count: whitened numbers that each
-    frequency stands for. allowed (m,): share of the noise that residuals are corrected for where bodies swing. weight (m,): of the
-    squares at each frequency. determined: the inertia is, by motion that is driven; where it is not, noise takes squares away and
-    gives none.
+    acceleration has of the noise in the residual. position (k,): a sample of where the axis is. count: whitened numbers that
+    each frequency stands for. allowed (m,): share of the noise that residuals are corrected for where bodies swing. weight (m,):
+    of the squares at each frequency. determined: the inertia is, by motion that is driven; where it is not, noise takes squares
+    away and gives none.
     """
 
     axis: Axis | None = None
