@@ -5,13 +5,14 @@ In: a start, a cost, the neighbours of a point at a step. Out: a point that has 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 Point = TypeVar("Point")
 
 
-def pattern_search(
+def go_downhill(
     start: Point,
     cost: Callable[[Point], float],
     neighbours: Callable[[Point, float], Iterable[Point]],
@@ -28,3 +29,8 @@ def pattern_search(
         else:
             step *= 0.5
     return start
+
+
+def by_factors(values: Mapping[str, float], names: Sequence[str], step: float) -> list[dict[str, float]]:
+    """The values with one of those named larger, then smaller, by a step of its logarithm."""
+    return [{**values, name: values[name] * math.exp(way * step)} for name in names for way in (1, -1)]

@@ -223,6 +223,11 @@ class Term:
         """Whether it is a body that knocks: no collision comes at its exact time."""
         return self.place is Place.BODY and self.discontinuous
 
+    @property
+    def event(self) -> bool:
+        """Whether it begins at a moment."""
+        return self.coordinate == "time" and self.extent is not None
+
     def parameter(self, name: str) -> Parameter:
         """The declared parameter of that name."""
         return next(p for p in self.parameters if p.name == name)

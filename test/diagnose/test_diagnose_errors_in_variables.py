@@ -16,7 +16,7 @@ from tcs_friction.diagnose.fit.joint_fit import fit_untimed, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.fit.noise_estimate import driven_part
 from tcs_friction.diagnose.fit.parameters import Part, free_parameters, read_numbers, with_numbers
-from tcs_friction.diagnose.fit.second_body import motion_gain
+from tcs_friction.diagnose.fit.second_body import log_inertia, motion_gain
 from tcs_friction.physics.axis import Axis
 
 FREQUENCY = np.linspace(0.0, 20.0, 129)
@@ -97,6 +97,14 @@ def test_a_torque_that_is_not_logged_makes_no_axis_lighter() -> None:
     assert abs(fit.axis.inertia - plant.inertia) < 0.6 * abs(plain.axis.inertia - plant.inertia)
 
 
+def noise_of(
+    known: Axis, frequency: np.ndarray, sensitivity: np.ndarray, position: np.ndarray = FREQUENCY[:1]
+) -> AttenuationBias:
+    """The bias by noise of an axis, 50 whitened numbers for each frequency."""
+    inertia, gain = log_inertia(known, position), motion_gain(known, frequency)
+    return AttenuationBias(frequency, sensitivity, inertia, gain, position, 50.0, np.zeros(len(frequency)))
+
+
 def test_the_jacobian_of_a_closed_loop_is_that_of_its_controller() -> None:
     """What bodies change in it is log |J G s^2 + C|^2, whatever the controller C, in amplitude and in phase."""
     inertia, s = axis().inertia, 2j * np.pi * FREQUENCY[1:]
@@ -108,7 +116,7 @@ def test_the_jacobian_of_a_closed_loop_is_that_of_its_controller() -> None:
 
     known = swinging[0.1]
     sensitivity = 1.0 / (1.0 + controller / (inertia * motion_gain(known, FREQUENCY[1:]) * s**2))
-    bias = AttenuationBias(known, True, FREQUENCY[1:], sensitivity, np.zeros(1), 50.0, np.zeros(128))
+    bias = noise_of(known, FREQUENCY[1:], sensitivity)
     change = bias.squares(swinging[0.3]) - bias.squares(known)
     assert change == pytest.approx(-50.0 * float(np.sum(jacobian(swinging[0.3]) - jacobian(known))), rel=1e-9)
     without = bias.squares(axis()) - bias.squares(known)
@@ -116,14 +124,14 @@ def test_the_jacobian_of_a_closed_loop_is_that_of_its_controller() -> None:
 
 
 def test_at_the_edge_of_stability_the_correction_stays_finite() -> None:
-    held = AttenuationBias(axis(), True, FREQUENCY, np.full(129, 2.0), np.zeros(1), 50.0, np.zeros(129))
+    held = noise_of(axis(), FREQUENCY, np.full(129, 2.0))
     rigid = axis(item("flexible_mode", frequency=1e3, damping=0.05, inertia_ratio=0.5))
     assert np.isfinite(held.squares(rigid))
 
 
 def test_an_inertia_that_changes_over_the_position_moves_its_mean() -> None:
     position = np.linspace(0.0, 0.5, 65)
-    bias = AttenuationBias(axis(), True, FREQUENCY, np.full(129, 0.8), position, 50.0, np.zeros(129))
+    bias = noise_of(axis(), FREQUENCY, np.full(129, 0.8), position)
     changing = axis(item("position_dependent_inertia", amplitude=0.3, phase=0.4))
     mean = float(np.exp(np.mean(np.log(1.0 + 0.3 * np.cos(2.0 * position + 0.4)))))
     assert mean > 1.1

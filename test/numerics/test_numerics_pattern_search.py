@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tcs_friction.numerics.pattern_search import pattern_search
+from tcs_friction.numerics.pattern_search import by_factors, go_downhill
 
 
 def neighbours(point: float, step: float) -> list[float]:
@@ -16,7 +16,7 @@ def neighbours(point: float, step: float) -> list[float]:
 @pytest.mark.parametrize("start", [-3.0, 0.3, 7.7])
 def test_a_minimum_between_jumps_is_found(start: float) -> None:
     """Every derivative of this cost is zero."""
-    found = pattern_search(start, lambda x: math.floor(abs(x - 2.0) / 0.01), neighbours, step=1.0, rounds=40)
+    found = go_downhill(start, lambda x: math.floor(abs(x - 2.0) / 0.01), neighbours, step=1.0, rounds=40)
     assert found == pytest.approx(2.0, abs=0.01)
 
 
@@ -27,12 +27,12 @@ def test_the_rounds_are_the_most_that_are_tried() -> None:
         asked.append(x)
         return neighbours(x, step)
 
-    assert pattern_search(0.0, lambda x: abs(x - 100.0), record, 1.0, 5) == 5.0
+    assert go_downhill(0.0, lambda x: abs(x - 100.0), record, 1.0, 5) == 5.0
     assert asked == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
 def test_a_point_without_neighbours_stays() -> None:
-    assert pattern_search(3.0, abs, lambda *_: [], 1.0, 10) == 3.0
+    assert go_downhill(3.0, abs, lambda *_: [], 1.0, 10) == 3.0
 
 
 def test_the_best_neighbour_is_taken_and_never_a_worse_point() -> None:
@@ -45,5 +45,11 @@ def test_the_best_neighbour_is_taken_and_never_a_worse_point() -> None:
         costs.append(cost(x))
         return neighbours(x, step)
 
-    assert pattern_search(0.0, cost, record, 3.0, 30) == pytest.approx(5.0, abs=1e-3)
+    assert go_downhill(0.0, cost, record, 3.0, 30) == pytest.approx(5.0, abs=1e-3)
     assert costs == sorted(costs, reverse=True)
+
+
+def test_each_number_is_moved_by_a_factor_both_ways() -> None:
+    moves = by_factors({"a": 2.0, "b": 3.0, "c": 5.0}, ["a", "c"], math.log(2.0))
+    expected = [(4.0, 3.0, 5.0), (1.0, 3.0, 5.0), (2.0, 3.0, 10.0), (2.0, 3.0, 2.5)]
+    assert [tuple(move.values()) for move in moves] == [pytest.approx(values) for values in expected]

@@ -45,21 +45,22 @@ SPECTRAL_LINE = 16.0  # times the noise power; white noise exceeds it once in ex
 class AttenuationBias:
     """Squares that noise takes away from an axis with less inertia, at frequencies (m,), Hz.
 
-    axis: the one whose noise it is; None: nothing is known of noise. sensitivity (m,): of the loop, complex: what the
-    acceleration has of the noise in the residual. position (k,): a sample of where the axis is. count: whitened numbers that
-    each frequency stands for. allowed (m,): share of the noise that residuals are corrected for where bodies swing. weight (m,):
-    of the squares at each frequency. determined: the inertia is, by motion that is driven; where it is not, noise takes squares
-    away and gives none.
+    sensitivity (m,): of the loop, complex: what the acceleration has of the noise in the residual. log_inertia, gain (m,): mean
+    logarithm of the inertia and the bodies' gain of the axis whose noise it is. position (k,): a sample of where the axis is.
+    count: whitened numbers that each frequency stands for. allowed (m,): share of the noise that residuals are corrected for
+    where bodies swing. weight (m,): of the squares at each frequency. determined: the inertia is, by motion that is driven;
+    where it is not, noise takes squares away and gives none.
     """
 
-    axis: Axis | None = None
-    determined: bool = True
     frequency: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sensitivity: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
+    log_inertia: float = 0.0
+    gain: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
     position: np.ndarray = field(default_factory=lambda: np.zeros(1))
     count: float = 0.0
     allowed: np.ndarray = field(default_factory=lambda: np.zeros(0))
     weight: np.ndarray | float = 1.0
+    determined: bool = True
 
     @property
     def whole(self) -> np.ndarray:
@@ -68,31 +69,25 @@ class AttenuationBias:
 
     def squares(self, axis: Axis) -> float:
         """Whitened squares by which noise makes the residual of an axis smaller; negative for a heavier axis."""
-        if self.axis is None:
-            return 0.0
         heavier, whole = self._log_heavier(axis), float(np.sum(self.whole))
         squares = max(-whole * heavier, -whole * math.expm1(heavier), -math.inf if self.determined else 0.0)
-        if resonant_bodies(axis) or resonant_bodies(self.axis):
+        if resonant_bodies(axis) or np.any(self.gain != 1.0):
             amplified = np.log(1.0 + self.allowed * (np.abs(motion_gain(axis, self.frequency)) ** 2 - 1.0))
             squares += float(np.sum(self.count * self.weight * amplified - self._by_bodies(axis)))
         return squares
 
     def _log_heavier(self, axis: Axis) -> float:
         """Mean logarithm of the inertia that moves, over that of the axis whose noise it is."""
-        assert self.axis is not None
-        return log_inertia(axis, self.position) - log_inertia(self.axis, self.position)
+        return log_inertia(axis, self.position) - self.log_inertia
 
     def _by_bodies(self, axis: Axis) -> np.ndarray:
         """Squares (m,) of the Jacobian's logarithm with the bodies of an axis, but for a constant."""
-        assert self.axis is not None
-        gain, known = motion_gain(axis, self.frequency), motion_gain(self.axis, self.frequency)
-        jacobian = np.abs(gain * self.sensitivity + known * (1.0 - self.sensitivity))
+        gain = motion_gain(axis, self.frequency)
+        jacobian = np.abs(gain * self.sensitivity + self.gain * (1.0 - self.sensitivity))
         return np.asarray(2.0 * self.count * self.weight * np.log(np.maximum(jacobian, LEAST_JACOBIAN)))
 
     def squares_of_torque(self, axis: Axis) -> np.ndarray:
         """The same for the torque residual, at each frequency (m,)."""
-        if self.axis is None:
-            return np.zeros(len(self.frequency))
         return -self.whole * self._log_heavier(axis) - self._by_bodies(axis)
 
     def gradient(self, axis: Axis, free: Sequence[FreeNumber]) -> np.ndarray:
@@ -131,7 +126,16 @@ def attenuation_bias(
     determined = driven >= DETERMINED_BY * count * len(frequency) * float(np.mean(power, where=quiet))
     share = np.interp(frequency, np.append(0.0, frequency[known]), np.append(0.0, common[known]))  # a loop has no error at rest
     position = np.zeros(1) if position is None else position
-    return AttenuationBias(axis, determined, frequency, share, position, count, allowed)
+    return AttenuationBias(
+        frequency=frequency,
+        sensitivity=share,
+        log_inertia=log_inertia(axis, position),
+        gain=motion_gain(axis, frequency),
+        position=position,
+        count=count,
+        allowed=allowed,
+        determined=determined,
+    )
 
 
 def _correlation(products: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -148,12 +148,12 @@ def untimed(balance: TorqueBalance, axis: Axis) -> list[tuple[Instance, float, f
     Nothing that was fitted says when such an event begins.
     """
     t, blur = balance.data.joined("t"), 1.0 / balance.data.cutoff
-    fitted, held = np.sort(t[balance.samples.rows]), t[balance.held_out]
+    fitted, held = t[balance.samples.rows], t[balance.held_out]
     found = []
     for item in axis.effects:
-        if item.term.coordinate == "time" and item.extent is not None:
-            begin = float(fitted[fitted < item.extent[0] - blur].max(initial=-math.inf))
-            end = float(fitted[fitted > item.extent[0] + blur].min(initial=math.inf))
+        if item.term.event and item.extent is not None:
+            begin = float(fitted[fitted < item.extent[0] - blur].max(initial=t.min()))
+            end = float(fitted[fitted > item.extent[0] + blur].min(initial=t.max()))
             if np.any((held > begin) & (held < end)):
                 found.append((item, begin, end))
     return found

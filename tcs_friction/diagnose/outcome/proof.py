@@ -222,10 +222,9 @@ def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:
     It comes back in every piece of a recording that repeats its moves, as a true effect does. An event in time does not: what is
     the same at all times has no part in it.
     """
-    event = one.instance.term.coordinate == "time" and one.instance.extent is not None
 
     def least(other: Found) -> float:
-        if event and not other.instance.signals and other.instance.term.coordinate != "time":
+        if one.instance.term.event and not other.instance.signals and other.instance.term.coordinate != "time":
             return 0.0
         return (OUTSHONE_BY_SIGNAL if other.instance.signals else OUTSHONE) * other.torque_rms
 

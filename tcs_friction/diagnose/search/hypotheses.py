@@ -28,7 +28,7 @@ from tcs_friction.diagnose.search.start import (
     kind_of,
 )
 from tcs_friction.diagnose.search.waves import periodic_starts
-from tcs_friction.numerics.pattern_search import pattern_search as search_pattern
+from tcs_friction.numerics.pattern_search import by_factors, go_downhill
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Role, Term
@@ -106,12 +106,11 @@ def pattern_search(projected: ProjectedResidual, start: Start) -> Start:
     names = [p.name for p in term.parameters if p.role is Role.SHAPE]
 
     def neighbours(point: Start, step: float) -> list[Start]:
-        shape = {name: point.instance.values[name] for name in names}
-        moves = [shape | {name: shape[name] * math.exp(way * step)} for name in names for way in (1, -1)]
+        moves = by_factors({name: point.instance.values[name] for name in names}, names, step)
         judged = [judged_linear(projected, term, moved, signal_name, start.alternatives) for moved in moves]
         return [point for point in judged if point is not None]
 
-    return search_pattern(start, lambda point: -point.gain, neighbours, FIRST_STEP, PATTERN_ROUNDS)
+    return go_downhill(start, lambda point: -point.gain, neighbours, FIRST_STEP, PATTERN_ROUNDS)
 
 
 def pairs_of_starts(projected: ProjectedResidual, found: Sequence[Start]) -> list[Start]:

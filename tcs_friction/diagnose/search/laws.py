@@ -11,7 +11,6 @@ vocabulary that completes a law by it, and is named only if no law without that 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,7 +26,7 @@ from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, chance, threshold
-from tcs_friction.numerics.pattern_search import pattern_search
+from tcs_friction.numerics.pattern_search import by_factors, go_downhill
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects, laws
 from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Survey, Term, instance
@@ -252,7 +251,7 @@ def _best_starts(projected: ProjectedResidual, term: Term, axes: Sequence[Axis])
     best = best[: EXTENDED_STARTS if term.extends else STARTS]
     if not term.discontinuous:
         return best
-    return side_by_side(lambda axis: pattern_search(axis, left, _neighbours, FIRST_STEP, PATTERN_ROUNDS), best)
+    return side_by_side(lambda axis: go_downhill(axis, left, _neighbours, FIRST_STEP, PATTERN_ROUNDS), best)
 
 
 def _shape(term: Term) -> list[str]:
@@ -269,8 +268,7 @@ def _alike_in_shape(one: Instance, other: Instance) -> bool:
 def _neighbours(axis: Axis, step: float) -> list[Axis]:
     """The axes that have one number of the law's shape larger or smaller by a step of its logarithm."""
     law = axis.friction
-    moves = [{name: law.values[name] * math.exp(way * step)} for name in _shape(law.term) for way in (1, -1)]
-    return [replace(axis, friction=law.replace(**move)) for move in moves]
+    return [replace(axis, friction=law.replace(**moved)) for moved in by_factors(law.values, _shape(law.term), step)]
 
 
 def _judged(
