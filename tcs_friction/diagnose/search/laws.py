@@ -123,7 +123,7 @@ def law_candidates(
     first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), starts)
     least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)
     close = [one for one in _best_of_each_law(first) if one.squares.value <= FAR_WORSE * least]
-    more = side_by_side(lambda one: fit_jointly(balance, one.axis, fit.noise, MORE_STEPS), close)
+    more = side_by_side(partial(_to_its_minimum, balance, projected), close)
     finished = {one.axis.friction.term.id: one for one in sorted(more, key=lambda one: -one.squares.value)}
     alternatives = float(max(len(starts), 1))
     judged = side_by_side(
@@ -237,21 +237,20 @@ def _best_starts(projected: ProjectedResidual, term: Term, axes: Sequence[Axis])
 
     Their shapes differ: a fit from nearly the same place would end in the same minimum.
     """
-
-    def left(axis: Axis) -> float:
-        residual = projected.balance.residual(axis, projected.noise, keep=False)
-        white = projected.project(projected.noise.whiten(residual))
-        return float(white @ white)
-
-    squares = side_by_side(left, axes)
+    squares = side_by_side(projected.left, axes)
     best: list[Axis] = []
     for k in np.argsort(squares):
         if not any(_alike_in_shape(axes[k].friction, other.friction) for other in best):
             best.append(axes[k])
-    best = best[: EXTENDED_STARTS if term.extends else STARTS]
-    if not term.discontinuous:
-        return best
-    return side_by_side(lambda axis: go_downhill(axis, left, _neighbours, FIRST_STEP, PATTERN_ROUNDS), best)
+    return best[: EXTENDED_STARTS if term.extends else STARTS]
+
+
+def _to_its_minimum(balance: TorqueBalance, projected: ProjectedResidual, fit: Fit) -> Fit:
+    """The fit after its last steps; of a law whose torque jumps after a search that needs no derivatives."""
+    axis = fit.axis
+    if axis.friction.term.discontinuous:
+        axis = go_downhill(axis, projected.left, _neighbours, FIRST_STEP, PATTERN_ROUNDS)
+    return fit_jointly(balance, axis, fit.noise, MORE_STEPS)
 
 
 def _shape(term: Term) -> list[str]:

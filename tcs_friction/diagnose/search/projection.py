@@ -59,6 +59,11 @@ class ProjectedResidual:
         """x (m,) or (m, k) without what the fit's own numbers explain."""
         return np.asarray(x - self.basis @ (self.basis.T @ x))
 
+    def left(self, axis: Axis) -> float:
+        """Squares of the residual that another axis leaves, with the same projected out."""
+        white = self.project(self.noise.whiten(self.balance.residual(axis, self.noise, keep=False)))
+        return float(white @ white)
+
     def change(self, item: Instance) -> np.ndarray:
         """Change of the residual (n,) when the effect is added as it is."""
         changed = self.balance.residual(self.axis.with_effect(item), self.noise, keep=False)
