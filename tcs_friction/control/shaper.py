@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter
 
 from tcs_friction.control.config_field import choice, setting
 
@@ -45,15 +44,3 @@ class Shaper:
         """By how much the shaped reference comes later on average, s."""
         impulses = self.impulses()
         return float(impulses[:, 0] @ impulses[:, 1])
-
-
-def swing(position: Array, period: float, frequency: float, damping: float) -> Array:
-    """Deflection of a body on a spring from the shaft that carries it.
-
-    position: of the shaft (rad), at rest before the first value; between two values, `period` (s) apart, its speed is constant.
-    frequency, damping: of the body while the shaft is held, Hz and ratio. d'' + 2 zeta w d' + w^2 d = -(shaft acceleration).
-    """
-    omega = 2.0 * math.pi * frequency
-    system = ([-1.0, 0.0, 0.0], [1.0, 2.0 * damping * omega, omega * omega])
-    numerator, denominator, _ = cont2discrete(system, period, method="foh")
-    return np.asarray(lfilter(np.ravel(numerator), denominator, position - position[0]), dtype=np.float64)

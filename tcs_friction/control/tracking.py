@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from tcs_friction.errors import InputError
 
@@ -69,7 +69,7 @@ def improvement(before: Array, after: Array) -> Improvement:
         return Improvement(float("nan"), 0.0, float("inf"))
     shares = np.log(np.maximum(after[:count], TINY) / np.maximum(before[:count], TINY))
     mean, spread = float(shares.mean()), float(shares.std(ddof=1)) / np.sqrt(count)
-    reach = float(student.ppf(0.95, count - 1)) * spread
+    reach = float(stdtrit(count - 1, 0.95)) * spread
     with np.errstate(over="ignore"):
         return Improvement(float(np.exp(mean)), float(np.exp(mean - reach)), float(np.exp(mean + reach)))
 

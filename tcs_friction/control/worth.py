@@ -19,7 +19,8 @@ from tcs_friction.control.model_compensator import CancellationConfig, effect_na
 from tcs_friction.control.observer import ObserverConfig
 from tcs_friction.control.pid import PidConfig
 from tcs_friction.control.reference import Reference
-from tcs_friction.control.shaper import NONE, ZVD, Shaper, swing
+from tcs_friction.control.shaper import NONE, ZVD, Shaper
+from tcs_friction.control.swing import swing
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from tcs_friction.errors import InputError
 from tcs_friction.physics.registry import alignment
@@ -85,7 +86,7 @@ class Axis:
         """The parts of the friction that its law and effects describe."""
         return self.friction.term.features.union(*(item.term.features for item in self.effects))
 
-    @property
+    @cached_property
     def terms(self) -> tuple[Instance, ...]:
         """All terms in the order they act: drive, scale, law, opposing, body, sensor."""
         order = list(Place)

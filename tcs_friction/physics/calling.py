@@ -7,6 +7,7 @@ array of addresses takes none and the call itself is twice as fast.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,13 @@ from tcs_friction.physics.terms import KERNEL_SIGNATURE, Kernel
 
 def addresses(kernels: Sequence[Kernel]) -> np.ndarray:
     """Entry points of compiled kernels, (k,). The kernels must outlive the array, as those of modules do."""
-    return np.array(
-        [_get_wrapper_address(function, KERNEL_SIGNATURE) for function in kernels], dtype=np.int64
-    )
+    return np.array([_address(function) for function in kernels], dtype=np.int64)
+
+
+@cache
+def _address(function: Kernel) -> int:
+    """Entry point of one kernel: asking the compiler for it takes its lock, which every thread of a search waits for."""
+    return int(_get_wrapper_address(function, KERNEL_SIGNATURE))
 
 
 @intrinsic

@@ -13,7 +13,8 @@ from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import Cancellation, simulate_loop
 from tcs_friction.control.model_compensator import CancellationConfig
 from tcs_friction.control.reference import UNSHAPED, ConstantSpeed, Legs, Reference, Sinusoid, Steps
-from tcs_friction.control.shaper import NONE, ZV, ZVD, Shaper, swing
+from tcs_friction.control.shaper import NONE, ZV, ZVD, Shaper
+from tcs_friction.control.swing import swing
 from tcs_friction.errors import InputError
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import INERTIA, VELOCITY, instance

@@ -75,33 +75,19 @@ class TorqueTerms:
 
     def required(self, axis: Axis, keep: bool = True) -> np.ndarray:
         """Torque that the measured motion requires at the rotor, N m."""
-        alone = [[item] for item in _at(axis, Place.OPPOSING) if _stands_alone(item)]
-        bodies = _at(axis, Place.BODY)
         total = axis.inertia * self._motion(axis, keep)[0]
-        for group in (_friction(axis), *alone, *([bodies] if bodies else [])):
+        for group in (_friction(axis), *_standing_alone(axis)):
             total += self._demand(axis, group, keep)
         return np.asarray(total)
 
-    def holding(self, axis: Axis) -> tuple[np.ndarray, ...]:
+    def holding(self, axis: Axis) -> list[np.ndarray]:
         """Torque (n,), N m, of the drive that neither the inertia nor another term takes up, at all samples of each stretch.
 
         Where the axis rests, friction without memory is this torque, up to its level.
         """
-        terms = [
-            item
-            for item in axis.terms
-            if item.term.place in (Place.OPPOSING, Place.BODY) and _stands_alone(item)
-        ]
-
-        def compute() -> tuple[np.ndarray, ...]:
-            stretches = zip(self.data.stretches, self._motion(axis, True)[1:], self._drive(axis, True)[2:], strict=True)
-            return tuple(
-                torque - axis.inertia * motion[2] - self._evaluate(axis, terms, s, motion, torque)
-                for s, motion, torque in stretches
-            )
-
-        places = (terms, _at(axis, Place.SENSOR), _at(axis, Place.DRIVE))
-        return self.cache.get(("holding", axis.inertia, *map(_key, places)), compute)
+        others = [self._everywhere(axis, group, True) for group in _standing_alone(axis)]
+        inertial = [axis.inertia * motion[2] for motion in self._motion(axis, True)[1:]]
+        return [torque - sum(parts) for torque, *parts in zip(self._drive(axis, True)[2:], inertial, *others, strict=True)]
 
     def friction(self, axis: Axis) -> np.ndarray:
         """Friction (n,), N m, and what acts through it."""
@@ -179,25 +165,40 @@ class TorqueTerms:
 
     def _demand(self, axis: Axis, group: Sequence[Instance], keep: bool) -> np.ndarray:
         """What a group of terms adds to the required torque at the compared samples."""
-        loaded = any("torque" in item.term.reads for item in group)
-        bodily = group[0].term.place is Place.BODY
-
-        held = self.rests and any(item.term.place is Place.LAW for item in group)
+        of_law = any(item.term.place is Place.LAW for item in group)
+        held = self.rests and of_law
 
         def compute() -> tuple[np.ndarray, ...]:
+            if self.rests and not of_law:
+                return (np.concatenate([self.data.narrowed(x) for x in self._everywhere(axis, group, keep)]),)
             stretches, motions = self.data.stretches, self._motion(axis, keep)[1:]
-            torques = self._drive(axis, keep)[2:] if loaded else [s.torque for s in stretches]
+            torques = self._drive(axis, keep)[2:] if _loaded(group) else [s.torque for s in stretches]
             holding = self.holding(axis) if held else None
             return (self._narrowed_demands(axis, group, motions, torques, holding),)
 
-        key = (
+        key = self._key_of_group(axis, group)
+        if held:
+            key = (*key, _key(_at(axis, Place.DRIVE)), axis.inertia, _key(axis.effects))
+        return self.cache.get(("demand", *key), compute, keep)[0]
+
+    def _everywhere(self, axis: Axis, group: Sequence[Instance], keep: bool) -> tuple[np.ndarray, ...]:
+        """What a group of terms that stand alone adds to the required torque, at all samples of each stretch."""
+
+        def compute() -> tuple[np.ndarray, ...]:
+            torques = self._drive(axis, keep)[2:] if _loaded(group) else [s.torque for s in self.data.stretches]
+            stretches = zip(self.data.stretches, self._motion(axis, keep)[1:], torques, strict=True)
+            return tuple(self._evaluate(axis, group, s, motion, torque) for s, motion, torque in stretches)
+
+        return self.cache.get(("everywhere", *self._key_of_group(axis, group)), compute, keep)
+
+    def _key_of_group(self, axis: Axis, group: Sequence[Instance]) -> tuple[Hashable, ...]:
+        """Equal for axes on which a group of terms gives the same torque."""
+        return (
             _key(group),
             _key(_at(axis, Place.SENSOR)),
-            _key(_at(axis, Place.DRIVE)) if loaded or held else None,
-            axis.inertia if bodily or held else None,
-            _key(axis.effects) if held else None,
+            _key(_at(axis, Place.DRIVE)) if _loaded(group) else None,
+            axis.inertia if group[0].term.place is Place.BODY else None,
         )
-        return self.cache.get(key, compute, keep)[0]
 
     @property
     def step(self) -> float:
@@ -256,6 +257,17 @@ def _friction(axis: Axis) -> list[Instance]:
     """The law with all that acts through it or reads what it wrote."""
     reading = [item for item in _at(axis, Place.OPPOSING) if not _stands_alone(item)]
     return [*_at(axis, Place.SCALE), *_at(axis, Place.LAW), *reading]
+
+
+def _standing_alone(axis: Axis) -> list[list[Instance]]:
+    """Groups of terms whose torque is the same whatever else the axis has: each effect, and all bodies."""
+    bodies = _at(axis, Place.BODY)
+    return [*([item] for item in _at(axis, Place.OPPOSING) if _stands_alone(item)), *([bodies] if bodies else [])]
+
+
+def _loaded(group: Sequence[Instance]) -> bool:
+    """Whether a group of terms follows the torque at the rotor."""
+    return any("torque" in item.term.reads for item in group)
 
 
 def _stands_alone(item: Instance) -> bool:
