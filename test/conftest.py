@@ -6,9 +6,12 @@ import importlib.util
 import itertools
 import os
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+
+from tcs_friction.diagnose.parallel import alone, cores
 
 ROOT = Path(__file__).resolve().parent.parent
 MISSING = [name for name in ("rclpy", "tcs_friction_msgs") if importlib.util.find_spec(name) is None]
@@ -71,6 +74,14 @@ def domains() -> Iterator[int]:
 
 
 DOMAINS = domains()
+
+
+@pytest.fixture(autouse=True)
+def one_thread_for_each_worker() -> Iterator[None]:
+    """Where the workers of this run occupy all cores already, a diagnosis in several threads only takes more time."""
+    busy = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) >= cores()
+    with alone() if busy else nullcontext():
+        yield
 
 
 @pytest.fixture

@@ -11,6 +11,11 @@ import pytest
 from tcs_friction.diagnose import parallel
 
 
+@pytest.fixture(autouse=True)
+def one_thread_for_each_worker() -> None:
+    """In place of the fixture of all tests: these are about several threads."""
+
+
 def test_a_map_keeps_its_order_and_runs_on_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=10.0)

@@ -18,6 +18,7 @@ from tcs_friction.control.reference import load_reference
 from tcs_friction.nodes.graph import GRAPH
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.nodes.journal import STATE
+from tcs_friction.nodes.runs import Run
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
@@ -192,6 +193,13 @@ def test_a_wrong_diagnosis_changes_nothing_that_was_verified(commissioned: Calla
     assert models(graph) == {("", ())}
     assert graph["lugre_compensator"].config.switch3, "friction is compensated"
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
+    for name in ("before", "measure", "after"):
+        run = graph["commission"].runs[name]
+        again = Run.read(tmp_path / "out" / name, "azimuth", "/azimuth", list(run.topics))
+        assert again.topics.keys() == run.topics.keys(), "a run is read back as it was"
+        for topic, columns in run.topics.items():
+            for one, other in zip(columns, again.topics[topic], strict=True):
+                assert np.array_equal(one, other), (name, topic)
 
 
 def test_an_error_of_the_encoder_with_the_wrong_sign_is_not_corrected(commissioned: Callable[..., Any], tmp_path: Path) -> None:
@@ -282,20 +290,6 @@ def test_without_a_diagnoser_it_is_refused_before_anything_moves(together: Calla
     result = commission(graph, "out").result
     assert result.message == "diagnoser: not there within 1 s, expected the node to run, or parameter diagnoses to be 0"
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_run_is_read_back_as_it_was(commissioned: Callable[..., Any], tmp_path: Path) -> None:
-    from tcs_friction.nodes.runs import Run
-
-    graph, _ = commissioned(diagnoses=0)
-    assert commission(graph, "out").result.success
-    for name in ("before", "measure", "after"):
-        run = graph["commission"].runs[name]
-        again = Run.read(tmp_path / "out" / name, "azimuth", "/azimuth", list(run.topics))
-        assert again.topics.keys() == run.topics.keys()
-        for topic, columns in run.topics.items():
-            for one, other in zip(columns, again.topics[topic], strict=True):
-                assert np.array_equal(one, other), (name, topic)
 
 
 def test_shipped_motion_for_a_diagnosis_keeps_the_controllers_limit() -> None:
