@@ -80,7 +80,8 @@ def test_a_start_is_unknown_until_the_axis_has_moved_over_the_memory() -> None:
     position = np.linspace(0.0, 1.0, 101)
     assert unknown([position], 0.0) == [0]
     assert unknown([position, -position], 0.055) == [6, 6]
-    assert unknown([position], MOST_UNKNOWN + 0.05) == [0]
+    assert unknown([position], 0.295) == [15], "half as far, where the whole is too much of the data"
+    assert unknown([0.0 * position], 0.1) == [0], "what never moves"
 
 
 def test_a_short_stretch_that_never_moves_so_far_is_unknown_as_a_whole() -> None:
@@ -88,11 +89,13 @@ def test_a_short_stretch_that_never_moves_so_far_is_unknown_as_a_whole() -> None
     assert unknown([position, 0.05 * position[:20]], 0.1) == [10, 20]
 
 
-def test_a_start_that_lasts_too_long_is_compared() -> None:
+def test_a_start_that_lasts_too_long_is_compared_sooner() -> None:
     recording = recorded(axis())
     span = float(np.ptp(recording.position))
-    kept = [prepare([recording], held_out=False, memory=m).train.argmax() for m in (0.0, 0.01 * span, 0.99 * span)]
-    assert kept[0] == kept[2] < kept[1]
+    masks = [prepare([recording], held_out=False, memory=m).train for m in (0.0, 0.01 * span, 0.99 * span)]
+    kept = [int(train.argmax()) for train in masks]
+    assert kept[0] < kept[1]
+    assert kept[0] < kept[2] < kept[0] + MOST_UNKNOWN * len(masks[0])
 
 
 def test_a_lone_recording_and_several_leave_data_to_fit_and_to_compare() -> None:

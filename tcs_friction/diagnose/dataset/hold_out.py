@@ -58,13 +58,15 @@ def divided(mask: Mask, edge: int, unknown: int = 0) -> tuple[Mask, Mask]:
 
 
 def unknown(positions: Sequence[np.ndarray], memory: float) -> list[int]:
-    """Samples of each stretch until its positions (n,) have spread over `memory` (rad); 0 for all if they are too many together.
+    """Samples of each stretch until its positions (n,) have spread over `memory` (rad), or over less of it.
 
     What was before a stretch is not recorded, and friction remembers it until the axis has moved so far. A stretch that never
-    moves so far is unknown as a whole.
+    moves so far is unknown as a whole. Where that would be too much of the data, half as far has to do, or half of that.
     """
-    counts = []
-    for position in positions:
-        spread = np.maximum.accumulate(position) - np.minimum.accumulate(position)
-        counts.append(int(np.searchsorted(spread, memory)))
-    return counts if sum(counts) < MOST_UNKNOWN * sum(map(len, positions)) else [0] * len(counts)
+    spreads = [np.maximum.accumulate(position) - np.minimum.accumulate(position) for position in positions]
+    most = MOST_UNKNOWN * sum(map(len, positions))
+    while True:
+        counts = [int(np.searchsorted(spread, memory)) for spread in spreads]
+        if sum(counts) < most or memory == 0.0:
+            return counts
+        memory *= 0.5
