@@ -101,9 +101,9 @@ def select_effects(
         if law_is_open or best is None or any(item.term.features for item in best.items):
             law = _better_law(balance, base, fit, believed, excluded, best)
             law_is_open = law is not None and number < MOST_LAWS
-            if law is not None:
-                base = settle(balance, _without_added(law.axis, retuned.axis), law.noise, rounds=2)
-                fit = pruned(balance, settle(balance, law.axis, law.noise, rounds=2), base, alternatives)
+            if law is not None and _comes_first(balance, fit, law, best):
+                base = settle(balance, _without_added(law.fit.axis, retuned.axis), law.fit.noise, rounds=2)
+                fit = pruned(balance, settle(balance, law.fit.axis, law.fit.noise, rounds=2), base, alternatives)
                 continue
         rounds.append(tuple(candidates))
         if best is None or len(added_effects(fit.axis, retuned.axis)) >= MOST_EFFECTS:
@@ -149,12 +149,11 @@ def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Seque
 
 def _better_law(
     balance: TorqueBalance, base: Fit, fit: Fit, believed: Axis, excluded: frozenset[str], effect: Candidate | None
-) -> Fit | None:
-    """The fit with another friction law that does as well as the best effect, None where there is none.
+) -> LawCandidate | None:
+    """The best candidate with another friction law, None where none gains.
 
-    If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law. Where
-    the residual is as small as its noise no law is looked for, and no gain counts that the errors of the fit's effects may give.
-    One that extends another law is looked for where it promises to gain, and neither the effect nor any other law leaves as
+    Where the residual is as small as its noise no law is looked for, and no gain counts that the errors of the fit's effects may
+    give. One that extends another law is looked for where it promises to gain, and neither the effect nor any other law leaves as
     little as the noise.
     """
 
@@ -173,13 +172,19 @@ def _better_law(
     if min(map(left, others), default=found) >= 1.0 + NOISE_SHARE:
         tried += with_laws([x for x in terms if x.extends and extension_promises(balance, fit, x, tried)])
     best = simplest_law(balance, tried)
-    if best is None or best.gain < imperfection(base, fit, balance):
-        return None
+    return None if best is None or best.gain < imperfection(base, fit, balance) else best
+
+
+def _comes_first(balance: TorqueBalance, fit: Fit, law: LawCandidate, effect: Candidate | None) -> bool:
+    """Whether a better law takes its place before the best effect does: where it does as well.
+
+    If the data cannot tell the two apart, the law comes first unless the effect has fewer numbers and is no part of a law.
+    """
     if effect is None:
-        return best.fit
-    simpler = len(effect.fit.free) < len(best.fit.free) and not any(item.term.features for item in effect.items)
-    needed = DISTINGUISHABLE * found if simpler else -DISTINGUISHABLE * found
-    return best.fit if best.score - effect.score >= needed else None
+        return True
+    simpler = len(effect.fit.free) < len(law.fit.free) and not any(item.term.features for item in effect.items)
+    found = misfit(balance, balance.residual(fit.axis, fit.noise))
+    return law.score - effect.score >= (DISTINGUISHABLE * found if simpler else -DISTINGUISHABLE * found)
 
 
 def _without_added(axis: Axis, base: Axis) -> Axis:
