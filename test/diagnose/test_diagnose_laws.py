@@ -98,6 +98,15 @@ def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, 
         assert found.free_run["improved"] < found.free_run["retuned"]
 
 
+def test_a_better_law_that_an_effect_comes_before_is_taken_beside_it() -> None:
+    """The bias does more than the free curve: the curve's turn comes once the bias is in."""
+    recording = tracked("free_curve")
+    found = diagnose([replace(recording, torque=recording.torque + 2.0)], AxisFile(with_law("lugre", 1.1)))
+    assert [one.effect for one in found.effects] == ["torque_bias"]
+    assert found.axis_file.axis.friction.term.id == "free_curve"
+    assert found.improved.held_out < 1.2 * found.noise_floor
+
+
 def test_the_improved_axis_has_the_better_law() -> None:
     found = diagnose([tracked("lugre")], AxisFile(with_law("dahl_viscous")))
     friction = found.axis_file.axis.friction
