@@ -1,6 +1,6 @@
 """How far a body on a spring swings while the shaft that carries it moves.
 
-A module of its own: scipy.signal takes longer to load than all else that a node needs, and no node needs it at its start.
+A module of its own: scipy.signal is slow to load, and the nodes of the control loop do without it.
 """
 
 from __future__ import annotations

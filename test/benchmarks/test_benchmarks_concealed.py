@@ -106,7 +106,7 @@ def diagnosed(folder: Path) -> dict[str, Any]:
 
 def test_the_diagnosis_never_opens_the_truth(tmp_path: Path) -> None:
     """Nothing in the sealed folder is opened or listed, and without it the result is the same to the last digit."""
-    world = draw_world(np.random.default_rng(2), [], 8.0, 0.04)  # nothing is missing: soon told
+    world = draw_world(np.random.default_rng(2), ["imbalance"], 8.0, 0.04)
     sealed = tmp_path / "world" / "sealed"  # beside the bag, where a search upwards or around would find it
     write_world(world, tmp_path / "world" / "open", sealed)
     first = diagnosed(tmp_path / "world" / "open")

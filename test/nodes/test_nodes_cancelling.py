@@ -123,6 +123,17 @@ def models(graph: Any) -> set[tuple[str, tuple[str, ...]]]:
     return {(graph[name].config.model, tuple(graph[name].config.left_out)) for name in MODELLED}
 
 
+def assert_read_back(graph: Any, out: Path, names: Sequence[str]) -> None:
+    """Runs that are read from their bags are what they were when they were made."""
+    for name in names:
+        run = graph["commission"].runs[name]
+        again = Run.read(out / name, "azimuth", "/azimuth", list(run.topics))
+        assert again.topics.keys() == run.topics.keys()
+        for topic, columns in run.topics.items():
+            for one, other in zip(columns, again.topics[topic], strict=True):
+                assert np.array_equal(one, other), (name, topic)
+
+
 def test_what_is_found_is_cancelled_and_what_does_not_help_is_put_back(
     commissioned: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -193,13 +204,7 @@ def test_a_wrong_diagnosis_changes_nothing_that_was_verified(commissioned: Calla
     assert models(graph) == {("", ())}
     assert graph["lugre_compensator"].config.switch3, "friction is compensated"
     assert graph["lugre_compensator"].config.positive.coulomb == result.parameters.positive.coulomb
-    for name in ("before", "measure", "after"):
-        run = graph["commission"].runs[name]
-        again = Run.read(tmp_path / "out" / name, "azimuth", "/azimuth", list(run.topics))
-        assert again.topics.keys() == run.topics.keys(), "a run is read back as it was"
-        for topic, columns in run.topics.items():
-            for one, other in zip(columns, again.topics[topic], strict=True):
-                assert np.array_equal(one, other), (name, topic)
+    assert_read_back(graph, tmp_path / "out", ("before", "measure", "after"))
 
 
 def test_an_error_of_the_encoder_with_the_wrong_sign_is_not_corrected(commissioned: Callable[..., Any], tmp_path: Path) -> None:
