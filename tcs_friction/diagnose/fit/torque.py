@@ -75,9 +75,9 @@ class TorqueTerms:
 
     def required(self, axis: Axis, keep: bool = True) -> np.ndarray:
         """Torque that the measured motion requires at the rotor, N m."""
-        total = axis.inertia * self._motion(axis, keep)[0]
-        for group in (_friction(axis), *_standing_alone(axis)):
-            total += self._demand(axis, group, keep)
+        total = axis.inertia * self._motion(axis, keep)[0] + self.friction(axis, keep)
+        for group in _standing_alone(axis):
+            total += self._alone(axis, group, keep)
         return np.asarray(total)
 
     def holding(self, axis: Axis) -> list[np.ndarray]:
@@ -89,9 +89,24 @@ class TorqueTerms:
         inertial = [axis.inertia * motion[2] for motion in self._motion(axis, True)[1:]]
         return [torque - sum(parts) for torque, *parts in zip(self._drive(axis, True)[2:], inertial, *others, strict=True)]
 
-    def friction(self, axis: Axis) -> np.ndarray:
+    def friction(self, axis: Axis, keep: bool = True) -> np.ndarray:
         """Friction (n,), N m, and what acts through it."""
-        return self._demand(axis, _friction(axis), True)
+        group = _friction(axis)
+        loaded = any("torque" in item.term.reads for item in group)
+
+        def compute() -> tuple[np.ndarray, ...]:
+            torques = self._drive(axis, keep)[2:] if loaded else [s.torque for s in self.data.stretches]
+            holding = self.holding(axis) if self.rests else None
+            return (self._narrowed_demands(axis, group, self._motion(axis, keep)[1:], torques, holding),)
+
+        key = (
+            "friction",
+            _key(group),
+            _key(_at(axis, Place.SENSOR)),
+            _key(_at(axis, Place.DRIVE)) if loaded or self.rests else None,
+            (axis.inertia, _key(axis.effects)) if self.rests else None,
+        )
+        return self.cache.get(key, compute, keep)[0]
 
     def loads_from_motion(self, axis: Axis) -> list[np.ndarray]:
         """Torque that the motion requires at the rotor, N m, averaged over SLOW_PERIODS, at all samples of each stretch.
@@ -163,42 +178,23 @@ class TorqueTerms:
 
         return self.cache.get(("motion", _key(sensors)), compute, keep)
 
-    def _demand(self, axis: Axis, group: Sequence[Instance], keep: bool) -> np.ndarray:
-        """What a group of terms adds to the required torque at the compared samples."""
-        of_law = any(item.term.place is Place.LAW for item in group)
-        held = self.rests and of_law
+    def _alone(self, axis: Axis, group: Sequence[Instance], keep: bool) -> np.ndarray:
+        """What a group of terms that stand alone adds to the required torque at the compared samples."""
 
         def compute() -> tuple[np.ndarray, ...]:
-            if self.rests and not of_law:
-                return (np.concatenate([self.data.narrowed(x) for x in self._everywhere(axis, group, keep)]),)
-            stretches, motions = self.data.stretches, self._motion(axis, keep)[1:]
-            torques = self._drive(axis, keep)[2:] if _loaded(group) else [s.torque for s in stretches]
-            holding = self.holding(axis) if held else None
-            return (self._narrowed_demands(axis, group, motions, torques, holding),)
+            every = self._everywhere(axis, group, keep and self.rests)
+            return (np.concatenate([self.data.narrowed(x) for x in every]),)
 
-        key = self._key_of_group(axis, group)
-        if held:
-            key = (*key, _key(_at(axis, Place.DRIVE)), axis.inertia, _key(axis.effects))
-        return self.cache.get(("demand", *key), compute, keep)[0]
+        return self.cache.get(("alone", *_key_alone(axis, group)), compute, keep)[0]
 
     def _everywhere(self, axis: Axis, group: Sequence[Instance], keep: bool) -> tuple[np.ndarray, ...]:
-        """What a group of terms that stand alone adds to the required torque, at all samples of each stretch."""
+        """The same at all samples of each stretch."""
 
         def compute() -> tuple[np.ndarray, ...]:
-            torques = self._drive(axis, keep)[2:] if _loaded(group) else [s.torque for s in self.data.stretches]
-            stretches = zip(self.data.stretches, self._motion(axis, keep)[1:], torques, strict=True)
-            return tuple(self._evaluate(axis, group, s, motion, torque) for s, motion, torque in stretches)
+            stretches = zip(self.data.stretches, self._motion(axis, keep)[1:], strict=True)
+            return tuple(self._evaluate(axis, group, s, motion, s.torque) for s, motion in stretches)
 
-        return self.cache.get(("everywhere", *self._key_of_group(axis, group)), compute, keep)
-
-    def _key_of_group(self, axis: Axis, group: Sequence[Instance]) -> tuple[Hashable, ...]:
-        """Equal for axes on which a group of terms gives the same torque."""
-        return (
-            _key(group),
-            _key(_at(axis, Place.SENSOR)),
-            _key(_at(axis, Place.DRIVE)) if _loaded(group) else None,
-            axis.inertia if group[0].term.place is Place.BODY else None,
-        )
+        return self.cache.get(("everywhere", *_key_alone(axis, group)), compute, keep)
 
     @property
     def step(self) -> float:
@@ -265,11 +261,6 @@ def _standing_alone(axis: Axis) -> list[list[Instance]]:
     return [*([item] for item in _at(axis, Place.OPPOSING) if _stands_alone(item)), *([bodies] if bodies else [])]
 
 
-def _loaded(group: Sequence[Instance]) -> bool:
-    """Whether a group of terms follows the torque at the rotor."""
-    return any("torque" in item.term.reads for item in group)
-
-
 def _stands_alone(item: Instance) -> bool:
     """Whether the term's torque is the same whatever else the axis has."""
     return not item.term.reads or (item.table is not None and "torque" not in item.table.coordinates)
@@ -281,3 +272,9 @@ def _key(items: Sequence[Instance]) -> Hashable:
         (item.term.id, tuple(item.values.values()), item.signal, item.table and item.table.key)
         for item in items
     )
+
+
+def _key_alone(axis: Axis, group: Sequence[Instance]) -> tuple[Hashable, ...]:
+    """Equal for axes on which a group of terms that stand alone gives the same torque."""
+    inertia = axis.inertia if group[0].term.place is Place.BODY else None
+    return _key(group), _key(_at(axis, Place.SENSOR)), inertia
