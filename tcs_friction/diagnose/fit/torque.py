@@ -230,7 +230,8 @@ class TorqueTerms:
         """`machine.evaluate_demand` of some terms over every sample of a stretch."""
         built, out = self._built(axis, terms, motion), np.empty(len(s.t))
         holds = torque if holding is None else holding
-        machine.evaluate_demand(built, s.t, motion, torque, s.signals, self.resolution, s.resting, holds, out)
+        signals = s.signals if any(item.signals or item.thermal for item in terms) else s.signals[:0]
+        machine.evaluate_demand(built, s.t, motion, torque, signals, self.resolution, s.resting, holds, out)
         return out
 
     def _built(self, axis: Axis, terms: Sequence[Instance], motion: np.ndarray) -> machine.Machine:
