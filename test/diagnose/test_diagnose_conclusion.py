@@ -220,6 +220,25 @@ def test_effects_stay_named_where_none_of_them_alone_makes_a_simulation_move_wor
     assert "but a simulation with that moves no better" in found.statement
 
 
+def test_collisions_are_not_named_where_a_simulation_moves_worse(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """None comes at its exact time, so that only a better motion proves them; here each effect alone makes it worse."""
+    balance, retuned, both = fitted
+    slack = instance(effect("backlash"), {"gap": 1e-3, "inertia_ratio": 0.2})
+    rattling = unfitted(balance, both.axis.with_effect(slack), both.noise, KNOWN)
+    contests = [contest(balance, rattling, item.identity) for item in rattling.axis.effects]
+    named = found_effects(balance, Explanation(retuned, rattling, rattling, None, (), tuple(contests)), axis(), 0.1)
+    certain = tuple(replace(one, established=True) for one in named)
+    monkeypatch.setattr(conclusion, "found_effects", lambda *_: certain)
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, 1.0 + len(axis.effects)))
+    found = concluded(fitted, *contests, improved=rattling)
+    assert [one.effect for one in found.described] == ["backlash"]
+    assert {one.effect for one in found.effects} == {"torque_bias", "coulomb_asymmetry"}
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, 9.0 - len(axis.effects)))
+    assert "backlash" in [one.effect for one in concluded(fitted, *contests, improved=rattling).effects]
+
+
 def test_a_map_with_which_a_simulation_moves_worse_takes_no_name_away(
     fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -146,12 +146,21 @@ class _Conclusion:
         return followed if loop and followed and any(map(loop.predicts, followed.errors.values())) else None
 
     def _with_which_it_moves_worse(self, found: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
-        """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not."""
+        """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not.
+
+        Where it moves worse collisions are always among them: none comes at its exact time, and the torque that they leave counts
+        as their own, so that only a better motion proves them.
+        """
         explanation = self.explanation
         worse = [proof for proof in proofs if found and proof.improved_is_worse]
         if explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
             worse = [proof for proof in worse if proof.worse(explanation.unmapped.axis)]
-        return tuple(one for one in found if any(not proof.worse(explanation.without(one.instance).axis) for proof in worse))
+
+        def at_fault(one: Found) -> bool:
+            without = explanation.without(one.instance).axis
+            return one.instance.term.collides or any(not proof.worse(without) for proof in worse)
+
+        return tuple(one for one in found if worse and at_fault(one))
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)
