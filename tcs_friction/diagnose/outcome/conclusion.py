@@ -35,7 +35,8 @@ from tcs_friction.physics.axis import Axis
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
-ABOVE_NOISE = 2.0  # noise floors, from which a residual is no noise whatever it looks like
+NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models of worlds on MuJoCo leave 1.4
+FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from which a residual cannot be theirs
 
 
 def conclude(balance: TorqueBalance, file: AxisFile, explanation: Explanation) -> Diagnosis:
@@ -230,11 +231,11 @@ class _Conclusion:
         """
         structure, left = self.explanation.structure, max(errors["improved"].train, errors["improved"].held_out)
         mapped = structure.torque_rms if structure is not None else 0.0
-        beyond = math.sqrt(left**2 - floor**2) if left >= ABOVE_NOISE * floor else 0.0
+        beyond = math.sqrt(left**2 - floor**2) if left >= NO_NOISE * floor else 0.0
         in_map = structure is not None and mapped >= beyond
         coordinates = structure.coordinates if structure is not None and in_map else ("time",)
         quantisation = self.balance.quantisation_torque(self.explanation.improved.axis)
-        if coordinates == ("time",) and (max(mapped, beyond) == 0.0 or left < ABOVE_NOISE * quantisation):
+        if coordinates == ("time",) and (max(mapped, beyond) == 0.0 or left < FAR_ABOVE * quantisation):
             return Unexplained()
         place = {
             "coordinate": coordinates[0],
@@ -266,7 +267,7 @@ def _is_worse(one: Errors, errors: Mapping[str, Errors]) -> bool:
 def _retuning_fails(errors: Mapping[str, Errors], floor: float) -> bool:
     """Whether the believed axis misses more than noise, and everything fitted predicts data that were held out worse."""
     believed, best = errors["believed"].held_out, min(errors[name].held_out for name in ("retuned", "improved"))
-    return best > (1.0 + FLOOR_ERROR) * believed and believed > ABOVE_NOISE * floor
+    return best > (1.0 + FLOOR_ERROR) * believed and believed > FAR_ABOVE * floor
 
 
 def _atlas_mapping(entry: AtlasEntry) -> dict[str, Any]:
