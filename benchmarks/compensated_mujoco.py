@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.compensated import RUNS, Bench, Choice, Outcome, spoilt
+from benchmarks.compensated_tracking import RUNS, Bench, Choice, Outcome, spoilt
 from benchmarks.mujoco_axis import Model, run
 from benchmarks.mujoco_effects import Truth
 from benchmarks.mujoco_worlds import PARTS, believe, draw

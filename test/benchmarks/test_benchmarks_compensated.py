@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.compensated import SETTLE, Bench, Choice, cancellable, draw, motions, spoilt, true_axis
+from benchmarks.compensated import cancellable, draw, true_axis
+from benchmarks.compensated_tracking import SETTLE, Bench, Choice, motions, spoilt
 from benchmarks.worlds import draw_world
 from tcs_friction.control.model_compensator import effect_names
 

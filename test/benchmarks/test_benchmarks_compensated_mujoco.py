@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.compensated import Choice
 from benchmarks.compensated_mujoco import KNOWN, EngineBench, EngineWorld, _text, named_right
+from benchmarks.compensated_tracking import Choice
 from benchmarks.mujoco_effects import Truth
 from benchmarks.mujoco_worlds import PARTS, believe, draw
 from tcs_friction.config import AxisFile, load_axis, shipped

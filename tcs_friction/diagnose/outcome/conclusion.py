@@ -35,7 +35,7 @@ from tcs_friction.physics.axis import Axis
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
-NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models of worlds on MuJoCo leave 1.4
+NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models left at most 1.4 on MuJoCo
 FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from which a residual cannot be theirs
 
 
