@@ -32,6 +32,7 @@ from tcs_friction.diagnose.outcome.statement import statement
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
@@ -157,11 +158,10 @@ class _Conclusion:
         if explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
             worse = [proof for proof in worse if proof.worse(explanation.unmapped.axis)]
 
-        def at_fault(one: Found) -> bool:
-            without = explanation.without(one.instance).axis
-            return one.instance.term.collides or any(not proof.worse(without) for proof in worse)
+        def at_fault(item: Instance) -> bool:
+            return item.term.collides or any(not proof.worse(explanation.without(item).axis) for proof in worse)
 
-        return tuple(one for one in found if worse and at_fault(one))
+        return tuple(one for one in found if worse and at_fault(one.instance))
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)
