@@ -161,6 +161,18 @@ def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, F
     assert conclude(balance, wrong, Explanation(improved, improved, improved, None)).verdict is Verdict.PARAMETERS
 
 
+@pytest.mark.parametrize(("floors", "told"), [(1.4, False), (1.6, True)])
+def test_what_is_half_as_large_again_as_the_noise_is_unexplained(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch, floors: float, told: bool
+) -> None:
+    """Although no map of it was found."""
+    _, _, improved = fitted
+    contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
+    left = concluded(fitted, *contests).improved
+    monkeypatch.setattr(conclusion, "noise_floor", lambda *_: max(left.train, left.held_out) / floors)
+    assert concluded(fitted, *contests).unexplained.present == told
+
+
 def test_an_effect_with_which_a_simulation_moves_worse_is_not_named(
     fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
