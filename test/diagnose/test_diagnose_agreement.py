@@ -169,3 +169,21 @@ def test_a_constant_torque_is_a_part_of_what_changes_slowly_only() -> None:
     assert explained(bias, lambda m: 2.0 + 4.0 * np.sin(9.0 * m.t)) > 0.9
     assert explained(bias, lambda m: 2.0 + 4.0 * np.sin(0.1 * m.t)) < 0.5
     assert explained(bias, lambda m: 2.0 + 4.0 * np.sin(4.0 * m.q)) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("item", "torque"),
+    [
+        (instance(effect("quadratic_drag"), {"coefficient": 10.0}), lambda m: 10.0 * m.v * np.abs(m.v)),
+        (instance(effect("coulomb_asymmetry"), {"asymmetry": 0.2 / 60.0}), lambda m: np.full(len(m.v), 0.2)),
+    ],
+    ids=["drag", "asymmetry"],
+)
+def test_a_torque_of_the_velocity_is_a_part_of_what_depends_on_it_only(item: Instance, torque: Torque) -> None:
+    """Unless more is left than noise: what a wrong friction law leaves does not depend on the velocity alone."""
+    in_time = explained(item, lambda m: torque(m) + 0.4 * np.sin(9.0 * m.t))
+    of_the_velocity = explained(item, lambda m: torque(m) + 0.4 * np.sin(100.0 * m.v))
+    beside_more = explained(item, lambda m: torque(m) + 0.8 * np.sin(9.0 * m.t))
+    assert in_time > 0.9
+    assert of_the_velocity < 0.6
+    assert beside_more < 0.3

@@ -344,6 +344,29 @@ def test_an_event_in_time_is_not_outshone_by_what_is_the_same_at_all_times(fitte
         assert _outshone(one, [replace(large, instance=other), one], noise), other.term.id
 
 
+def test_a_difference_between_directions_is_not_outshone_by_friction_that_is_the_same_in_both(
+    fitted: tuple[TorqueBalance, Fit, Fit],
+) -> None:
+    balance, retuned, both = fitted
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    asymmetry = instance(effect("coulomb_asymmetry"), {"asymmetry": 0.01})
+    drag = instance(effect("quadratic_drag"), {"coefficient": 30.0})
+    presliding = instance(effect("presliding"), {"stiffness": 1e5})
+    loaded = instance(effect("load_dependent_friction"), {"coefficient": 0.1})
+    viscous = instance(effect("viscous_asymmetry"), {"asymmetry": 20.0})
+    noise = 0.5 * large.torque_rms
+    for item, other, outshone in (
+        (asymmetry, presliding, False),
+        (asymmetry, loaded, False),
+        (asymmetry, viscous, True),
+        (asymmetry, drag, True),
+        (drag, loaded, True),
+    ):
+        one, more = replace(small, instance=item, torque_rms=0.1 * large.torque_rms), replace(large, instance=other)
+        assert _outshone(one, [more, one], noise) == outshone, (item.term.id, other.term.id)
+
+
 def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
     balance, retuned, both = fitted
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)

@@ -42,7 +42,9 @@ from tcs_friction.physics.terms import Instance, Place
 
 FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
-PLACES = 24  # of equal length in the travel or the time, over which a mean is what depends on that
+NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models left at most 1.4 on MuJoCo
+PLACES = 24  # of equal length in the travel or the time, or of equal count of velocities, over which a mean depends on that
+OF_THE_VELOCITY = ("velocity", "direction")  # coordinates that the velocity alone gives
 NEXT_ORDERS = 8  # on either side: one period more in the recording is the next one
 AROUND_AN_ORDER = 0.125  # of what is left: it would have to be in a few lines for more of it to be around one order
 BY_CHANCE = 1.645  # standard deviations, that noise exceeds once in twenty
@@ -76,7 +78,8 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
 
     A wave can be a part of no more than what is left around its order, a torque or friction of the position of no more than
     depends on that, a constant torque of no more than its changes over the travel or the time. What collisions leave is theirs:
-    none comes at its exact time.
+    none comes at its exact time. What depends on the velocity can be a part of no more than that, unless more than noise is left:
+    what a wrong friction law leaves depends on the way since a reversal, too.
     """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
@@ -104,15 +107,17 @@ def _share_that_it_could_be(balance: TorqueBalance, axis: Axis, item: Instance, 
     if item.term.collides:
         return 0.0
     usable = balance.train | balance.held_out
+    more_than_noise = max(rms(left[balance.train]), rms(left[balance.held_out])) >= NO_NOISE * noise_floor(balance, left)
     left = left[usable]
     if item.term.periodic:
         angle = wave_angle(balance, axis, item.term)[usable]
         return min(_power_around(angle, item.order, left) / float(left @ left), AROUND_AN_ORDER)
-    position, t = (balance.data.joined(name)[usable] for name in ("position", "t"))
+    position, velocity, t = (balance.data.joined(name)[usable] for name in ("position", "velocity", "t"))
     if item.term.coordinate == "position" and not item.term.states:
         friction = item.term.place is Place.SCALE
-        along = left * np.sign(balance.data.joined("velocity")[usable]) if friction else left
-        return _power_over(position, along) / float(left @ left)
+        return _power_over(position, left * np.sign(velocity) if friction else left) / float(left @ left)
+    if item.term.coordinate in OF_THE_VELOCITY and not (item.term.states or more_than_noise):
+        return _power_over(stats.rankdata(velocity), left) / float(left @ left)
     if item.term.offset and len(item.term.parameters) == 1:
         return max(_power_over(position, left), _power_over(t, left)) / float(left @ left)
     return 1.0

@@ -18,7 +18,7 @@ from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
-from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, untimed
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, NO_NOISE, judged, untimed
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
@@ -36,7 +36,6 @@ from tcs_friction.physics.terms import Instance
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
-NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models left at most 1.4 on MuJoCo
 FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from which a residual cannot be theirs
 
 

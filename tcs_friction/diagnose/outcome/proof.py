@@ -220,11 +220,16 @@ def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:
     """Whether an effect is within the noise floor and small beside another that is named: the other's form may not meet that.
 
     It comes back in every piece of a recording that repeats its moves, as a true effect does. An event in time does not: what is
-    the same at all times has no part in it.
+    the same at all times has no part in it. Friction that is the same in both directions has none in a difference between them.
     """
+    own = one.instance.term
 
     def least(other: Found) -> float:
-        if one.instance.term.event and not other.instance.signals and other.instance.term.coordinate != "time":
+        term = other.instance.term
+        if own.event and not other.instance.signals and term.coordinate != "time":
+            return 0.0
+        friction = bool(term.features) or term.place is Place.SCALE
+        if own.coordinate == "direction" and friction and term.coordinate != "direction":
             return 0.0
         return (OUTSHONE_BY_SIGNAL if other.instance.signals else OUTSHONE) * other.torque_rms
 
