@@ -50,6 +50,13 @@ def test_too_short_is_refused(good: Recording) -> None:
     refused(good.part(slice(0, 400)), "longest stretch")
 
 
+def test_a_motion_too_slow_for_its_length_is_refused() -> None:
+    """At a constant speed the filter is as slow as the motion: its edges and the held-out data take all of two seconds."""
+    t = np.arange(0.0, 2.5, 1e-3)
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, (2, len(t)))
+    refused(Recording(t=t, position=0.5 * t + noise[0], torque=1.0 + noise[1]), "0 samples are left to be fitted")
+
+
 def test_gaps_that_leave_no_stretch_are_refused(good: Recording) -> None:
     pieces = tuple(slice(a, a + 300) for a in range(0, 9000, 300))
     refused(replace(good, segments=pieces), "longest stretch")
@@ -149,3 +156,14 @@ def test_a_motion_at_one_speed_determines_no_balance(good: Recording) -> None:
     for velocity in (np.ones_like(stretch.velocity), np.zeros_like(stretch.velocity)):
         still = replace(stretch, velocity=velocity, acceleration=np.zeros_like(velocity))
         assert plain_balance(replace(data, stretches=(still,)), np.ones(int(data.ends[-1]), bool)) is None
+
+
+def test_friction_that_would_drive_the_axis_is_no_balance(good: Recording) -> None:
+    """A controller against cogging at one speed feigns such friction, and an inertia that is 37 times too small."""
+    data = prepared(good)
+    everything = np.ones(int(data.ends[-1]), bool)
+    (stretch,) = data.stretches
+    for share, known in ((0.5, True), (3.0, False)):
+        driving = share * LUGRE["coulomb"] * stretch.velocity / float(np.std(stretch.velocity))
+        driven = replace(stretch, torque=stretch.torque - LUGRE["viscous"] * stretch.velocity - driving)
+        assert (plain_balance(replace(data, stretches=(driven,)), everything) is not None) == known, share

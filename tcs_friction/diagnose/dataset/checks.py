@@ -124,7 +124,10 @@ def _alike(x: float, y: float) -> bool:
 
 
 def plain_balance(data: DataSet, rows: np.ndarray) -> tuple[float, float] | None:
-    """Inertia and dry friction by least squares on compared samples (n,); None where the motion does not determine both."""
+    """Inertia and dry friction by least squares on compared samples (n,); None where the motion does not determine both.
+
+    Nor does it where the viscous torque is negative and larger than the dry one: such friction would drive the axis.
+    """
     v, a, u = (data.joined(name)[rows] for name in ("velocity", "acceleration", "torque"))
     direction = np.tanh(v / max(data.speed_threshold, LEAST_LEVEL))
     columns = np.stack([a, direction, v, np.ones_like(v)], axis=1)
@@ -135,6 +138,6 @@ def plain_balance(data: DataSet, rows: np.ndarray) -> tuple[float, float] | None
     if singular[-1] < DETERMINED * singular[0]:
         return None
     numbers = right.T @ ((left.T @ u) / singular)
-    if (numbers[:2] ** 2 < MATERIAL * float(u @ u)).any():
+    if (numbers[:2] ** 2 < MATERIAL * float(u @ u)).any() or numbers[2] < -abs(numbers[1]):
         return None
     return float(numbers[0] / norms[0]), float(numbers[1] / norms[1])

@@ -31,6 +31,7 @@ from tcs_friction.recording.recording import Recording
 SHORTEST = 2.0  # s; two periods of the lowest cutoff
 FEWEST_SAMPLES = 200  # samples; five overlapping segments of the shortest kind for the noise's spectrum
 EVEN = 1e-3  # relative jitter of the steps: at a fifth of the sampling rate, the highest cutoff, a phase of 0.001 rad
+FEWEST_FITTED = 64  # compared samples; two blocks of the shortest periodogram
 EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends: the low pass settles to 1e-5 in so many
 EDGE_SECONDS = 0.1  # at least: a torque that acts later than it is logged acts by then
 NO_TEMPERATURE = 20.0  # degC, where none was recorded
@@ -64,6 +65,13 @@ def prepare(
                 part["position"], part["velocity"], band.step * period, band.cutoff, noise, MOVING * band.velocity_noise
             )
     stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory)
+    fitted = sum(int(np.count_nonzero(s.train)) for s in stretches)
+    if fitted < FEWEST_FITTED:
+        raise InputError(
+            recordings[0].source,
+            f"the position shows motion up to {band.cutoff:.3g} Hz only, and {fitted} samples are left to be fitted",
+            f"a longer recording or faster changes of the speed, {FEWEST_FITTED} samples",
+        )
     step = visible_step([r.position for r in recordings], band.position_noise)
     return DataSet(
         stretches=stretches,
