@@ -224,6 +224,11 @@ class Term:
         return self.place is Place.BODY and self.discontinuous
 
     @property
+    def slow_over_position(self) -> bool:
+        """Whether it is a torque of the position that has no order of its own, or a constant one."""
+        return self.place is Place.OPPOSING and not self.periodic and (bool(self.offset) or self.coordinate == "position")
+
+    @property
     def event(self) -> bool:
         """Whether it begins at a moment."""
         return self.coordinate == "time" and self.extent is not None

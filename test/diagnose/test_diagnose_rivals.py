@@ -130,6 +130,24 @@ def test_every_effect_found_is_contested_on_an_axis_that_keeps_the_others(fitted
     assert len(set(fitted_again)) == 2, "each contest has a rival of its own"
 
 
+@pytest.mark.parametrize(("travel", "equivalent"), [(0.5, {Kind("cable_wrap")}), (20.0, set())], ids=["short", "turns"])
+def test_gravity_is_equivalent_to_a_spring_over_a_travel_that_shows_no_more_than_a_slope(
+    travel: float, equivalent: set[Kind]
+) -> None:
+    plain = conditioned(np.random.default_rng(5), seconds=80.0)
+    (s,) = plain.stretches
+    shrunk = travel / float(np.ptp(s.position))
+    q, v, a = (shrunk * x for x in (s.position, s.velocity, s.acceleration))
+    q = q - float(np.mean(q))
+    noise = 0.3 * np.random.default_rng(6).standard_normal(len(q))
+    torque = 900.0 * a + 60.0 * np.sign(v) + 500.0 * v + 20.0 * np.sin(q + 0.1) + noise
+    balance, fit = settled(replace(plain, stretches=(replace(s, position=q, velocity=v, acceleration=a, torque=torque),)))
+    gravity = instance(effect("imbalance"), {"amplitude": 20.0, "phase": 0.1})
+    both = settle(balance, fit.axis.with_effect(gravity), fit.noise, rounds=1)
+    _, contest = contest_for_place(balance, both, both.axis.effects[0], [])
+    assert {kind for rival in contest.equivalent for kind in rival.kinds} == equivalent
+
+
 def two_signals() -> DataSet:
     """A torque that follows `flow`, and a `pressure` that is the flow but for a thousandth."""
     rng = np.random.default_rng(3)

@@ -210,10 +210,8 @@ def _in_the_mean_of_a_signal(one: Found, found: Sequence[Found]) -> bool:
 
     The signal's mean acts at every place in another way: wind on a panel that turns is gravity in the mean.
     """
-    term = one.instance.term
-    over_position = term.place is Place.OPPOSING and not term.periodic and (bool(term.offset) or term.coordinate == "position")
     through_signals = [other for other in found if other.instance.signals and not other.established]
-    return over_position and any(one.torque_rms < other.torque_rms for other in through_signals)
+    return one.instance.term.slow_over_position and any(one.torque_rms < other.torque_rms for other in through_signals)
 
 
 def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:

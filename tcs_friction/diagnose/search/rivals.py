@@ -6,7 +6,8 @@ with fewer numbers.
 
 A rival is as good if the noise alone could make the difference. It also is if it explains nearly as much and does better in some
 piece of the data than noise allows: the effect in place is not the truth there, and what else is wrong may decide between them.
-The same holds for waves over the position of one order, one of which explains more beside the other than that has ahead of it.
+The same holds for waves over the position of one order, one of which explains more beside the other than that has ahead of it,
+and for gravity and springs over a short travel.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from tcs_friction.diagnose.dataset.excitation import lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, settle
 from tcs_friction.diagnose.fit.noise_estimate import misfit
@@ -36,7 +38,7 @@ from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
 from tcs_friction.diagnose.search.waves import wave_start
-from tcs_friction.physics.terms import Instance
+from tcs_friction.physics.terms import Instance, Need
 
 FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 MOST_RIVALS = 6
@@ -102,7 +104,7 @@ def contest_for_place(
     alone = fit_without(balance, fit, item)
     dispersion = fit.squares.dispersion
     gain = squares_gained(balance, alone, fit, [item]) / dispersion
-    starting = [*challengers, *_through_the_same_signal(balance, alone, item, challengers)]
+    starting = [*challengers, *_alike(balance, alone, item, challengers)]
     fitted = fitted_candidates(balance, alone, close_behind(starting), dispersion)
     gains = {id(candidate.fit): candidate.gain for candidate in fitted}
     confirmed = with_best_confirmed(balance, alone, fitted, dispersion)
@@ -135,7 +137,8 @@ def _tied(
     """The rivals of an effect of a fit between which and it what else is wrong may decide; gain: the effect's own.
 
     Those explain nearly as much, and in some piece of the data more than noise allows; or they are waves of its order, and
-    explain more beside it than it has ahead of them. Were the effect true and all else right, that would be chance.
+    explain more beside it than it has ahead of them. Were the effect true and all else right, that would be chance. Over a short
+    travel gravity is a slope over the position, and so is a spring: one that explains nearly as much is as good.
     """
     used = np.unique(balance.samples.pieces[balance.samples.rows])
     # Were the fit true, a rival whose torque differs by d standard deviations of the noise would lose d^2 + 2 d e in a piece,
@@ -155,7 +158,8 @@ def _tied(
         return beside > max(threshold(balance, [term], rival.start.count), gain - rival.gain)
 
     near = [rival for rival in rivals if rival.gain > NEARLY * gain]
-    return (*filter(gains_somewhere, near), *(rival for rival in alike if gains_beside(rival)))
+    slopes = [rival for rival in near if _is_slope(balance, fit, item) and rival.items[0].term.slow_over_position]
+    return (*filter(gains_somewhere, near), *slopes, *(rival for rival in alike if gains_beside(rival)))
 
 
 def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Instance) -> bool:
@@ -164,17 +168,25 @@ def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Insta
     return waves and in_step(balance, fit.axis, item, other)
 
 
-def _through_the_same_signal(
-    balance: TorqueBalance, alone: Fit, item: Instance, known: Sequence[Start]
-) -> list[Start]:
-    """Starts of effects not yet known that act through an effect's recorded signal: a general one hides its special cases."""
-    if item.signal is None:
+def _alike(balance: TorqueBalance, alone: Fit, item: Instance, known: Sequence[Start]) -> list[Start]:
+    """Starts of effects not yet known that act as an effect does: through its recorded signal, or as a slope over the position.
+
+    A general effect hides its special cases.
+    """
+    sloping = _is_slope(balance, alone, item)
+    if not (item.signal or sloping):
         return []
     projected = ProjectedResidual(balance, alone)
-    others = [term for term, signal in eligible(alone.axis, balance) if signal == item.signal and term is not item.term]
-    found = [start for term in others for start in starts(projected, term, item.signal)[:1]]
+    others = [(term, signal) for term, signal in eligible(alone.axis, balance) if term is not item.term]
+    same = [(x, signal) for x, signal in others if (x.slow_over_position if sloping else signal == item.signal)]
+    found = [start for term, signal in same for start in starts(projected, term, signal)[:1]]
     kinds = {start.kinds for start in known}
     return [start for start in found if start.kinds not in kinds]
+
+
+def _is_slope(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
+    """Whether an effect is a torque of the position, of which the travel is too short to show more than a slope."""
+    return item.term.slow_over_position and Need.TRAVEL in lacking(balance.data, fit.axis)
 
 
 def _of_the_same_order(balance: TorqueBalance, alone: Fit, item: Instance, dispersion: float) -> list[Candidate]:
