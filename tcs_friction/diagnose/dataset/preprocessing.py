@@ -31,7 +31,7 @@ from tcs_friction.recording.recording import Recording
 SHORTEST = 2.0  # s; two periods of the lowest cutoff
 FEWEST_SAMPLES = 200  # samples; five overlapping segments of the shortest kind for the noise's spectrum
 EVEN = 1e-3  # relative jitter of the steps: at a fifth of the sampling rate, the highest cutoff, a phase of 0.001 rad
-FEWEST_FITTED = 64  # compared samples; two blocks of the shortest periodogram
+FEWEST_FITTED = 20  # compared samples, five for each number of a plain balance
 EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends: the low pass settles to 1e-5 in so many
 EDGE_SECONDS = 0.1  # at least: a torque that acts later than it is logged acts by then
 NO_TEMPERATURE = 20.0  # degC, where none was recorded
