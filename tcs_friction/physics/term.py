@@ -225,8 +225,9 @@ class Term:
 
     @property
     def slow_over_position(self) -> bool:
-        """Whether it is a torque of the position that has no order of its own, or a constant one."""
-        return self.place is Place.OPPOSING and not self.periodic and (bool(self.offset) or self.coordinate == "position")
+        """Whether it is a torque of the position that has no order of its own and is no table, or a constant one."""
+        over_position = bool(self.offset) or self.coordinate == "position"
+        return over_position and self.place is Place.OPPOSING and not (self.periodic or self.tabulated)
 
     @property
     def event(self) -> bool:

@@ -24,7 +24,7 @@ from tcs_friction.diagnose.outcome.proof import (
     _resolved,
     found_effects,
 )
-from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Verdict
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Verdict
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
@@ -306,13 +306,20 @@ def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple
         assert proof._echoes(item, proof._size(item)) == echo, (order, amplitude)
 
 
-def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
-    fitted: tuple[TorqueBalance, Fit, Fit],
-) -> None:
-    """What a large effect's form does not meet comes back as regularly as an effect."""
+@pytest.fixture(scope="module")
+def two_found(fitted: tuple[TorqueBalance, Fit, Fit]) -> tuple[Found, Found]:
+    """Both effects of the fit with their proofs, the larger one first."""
     balance, retuned, both = fitted
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
     large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    return large, small
+
+
+def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
+    two_found: tuple[Found, Found],
+) -> None:
+    """What a large effect's form does not meet comes back as regularly as an effect."""
+    large, small = two_found
     for size, floor, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
         one, noise = replace(small, torque_rms=size * large.torque_rms), floor * large.torque_rms
         assert _outshone(one, [large, one], noise) == outshone, (size, floor)
@@ -320,21 +327,17 @@ def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
         assert not _outshone(large, [large, one], noise)
 
 
-def test_what_acts_through_a_signal_outshines_larger_effects(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
+def test_what_acts_through_a_signal_outshines_larger_effects(two_found: tuple[Found, Found]) -> None:
     """Wind, say: how it acts as the axis turns is in no recorded signal."""
-    balance, retuned, both = fitted
-    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
-    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    large, small = two_found
     wind = instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed")
     one, noise = replace(small, torque_rms=0.4 * large.torque_rms), 0.5 * large.torque_rms
     assert _outshone(one, [replace(large, instance=wind), one], noise)
     assert not _outshone(one, [large, one], noise)
 
 
-def test_an_event_in_time_is_not_outshone_by_what_is_the_same_at_all_times(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
-    balance, retuned, both = fitted
-    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
-    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+def test_an_event_in_time_is_not_outshone_by_what_is_the_same_at_all_times(two_found: tuple[Found, Found]) -> None:
+    large, small = two_found
     step = instance(effect("load_step"), {"step": 0.2, "time": 40.0})
     one, noise = replace(small, instance=step, torque_rms=0.1 * large.torque_rms), 0.5 * large.torque_rms
     assert not _outshone(one, [large, one], noise)
@@ -345,11 +348,9 @@ def test_an_event_in_time_is_not_outshone_by_what_is_the_same_at_all_times(fitte
 
 
 def test_a_difference_between_directions_is_not_outshone_by_friction_that_is_the_same_in_both(
-    fitted: tuple[TorqueBalance, Fit, Fit],
+    two_found: tuple[Found, Found],
 ) -> None:
-    balance, retuned, both = fitted
-    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
-    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+    large, small = two_found
     asymmetry = instance(effect("coulomb_asymmetry"), {"asymmetry": 0.01})
     drag = instance(effect("quadratic_drag"), {"coefficient": 30.0})
     presliding = instance(effect("presliding"), {"stiffness": 1e5})
@@ -367,10 +368,8 @@ def test_a_difference_between_directions_is_not_outshone_by_friction_that_is_the
         assert _outshone(one, [more, one], noise) == outshone, (item.term.id, other.term.id)
 
 
-def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(fitted: tuple[TorqueBalance, Fit, Fit]) -> None:
-    balance, retuned, both = fitted
-    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
-    large, small = found_effects(balance, Explanation(retuned, both, both, None, (), contests), axis(), 0.3)
+def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(two_found: tuple[Found, Found]) -> None:
+    large, small = two_found
     wind = replace(large, instance=instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed"), established=False)
     gravity = replace(small, instance=instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0}))
     bias = replace(small, instance=instance(effect("torque_bias"), {"bias": 1.0}))

@@ -98,16 +98,19 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
     seen = size * level > 0.0
     multiples, variances = together[seen] / size[seen], power[seen] / (size[seen] ** 2 * level)
     mean, deviation = random_effects(multiples, variances)
-    share = _share_that_it_could_be(balance, fit.axis, item, after)
-    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, judging, share))
+    floor = noise_floor(balance, after)
+    share = _share_that_it_could_be(balance, fit.axis, item, after, floor)
+    return Agreement(mean, deviation, int(seen.sum()), _explained(balance, before, after, judging, share, floor))
 
 
-def _share_that_it_could_be(balance: TorqueBalance, axis: Axis, item: Instance, left: np.ndarray) -> float:
-    """Share of what is left, from a residual (n,), that an effect of this axis could be a part of."""
+def _share_that_it_could_be(
+    balance: TorqueBalance, axis: Axis, item: Instance, left: np.ndarray, floor: float
+) -> float:
+    """Share of what is left, from a residual (n,) with a noise floor (N m), that an effect of this axis could be a part of."""
     if item.term.collides:
         return 0.0
     usable = balance.train | balance.held_out
-    more_than_noise = max(rms(left[balance.train]), rms(left[balance.held_out])) >= NO_NOISE * noise_floor(balance, left)
+    more_than_noise = max(rms(left[balance.train]), rms(left[balance.held_out])) >= NO_NOISE * floor
     left = left[usable]
     if item.term.periodic:
         angle = wave_angle(balance, axis, item.term)[usable]
@@ -182,14 +185,16 @@ def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, fl
     return mean, math.sqrt(max(scatter, 1.0) / float(weights.sum()))
 
 
-def _explained(balance: TorqueBalance, before: np.ndarray, after: np.ndarray, held: np.ndarray, share: float) -> float:
+def _explained(
+    balance: TorqueBalance, before: np.ndarray, after: np.ndarray, held: np.ndarray, share: float, floor: float
+) -> float:
     """Share that is gone of the power beyond noise, from residuals (n,) where `held` (n,) holds.
 
     What noise alone has in so few samples by chance is not left. share: of what is left, that the effect could be a part of.
+    floor: of the noise in what is left, N m rms.
     """
-    floor = noise_floor(balance, after) ** 2
     gone = max(rms(before[held]) ** 2 - rms(after[held]) ** 2, 0.0)
     independent = np.count_nonzero(held) * min(1.0, 2.0 * balance.data.cutoff * balance.data.dt)
     by_chance = BY_CHANCE * math.sqrt(2.0 / independent)  # a chi-squared over its mean
-    left = max(share * (rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR + by_chance) * floor), LEAST_LEFT * floor)
+    left = max(share * (rms(after[held]) ** 2 - (1.0 + FLOOR_ERROR + by_chance) * floor**2), LEAST_LEFT * floor**2)
     return gone / (gone + left)

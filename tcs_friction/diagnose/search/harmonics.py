@@ -26,7 +26,7 @@ from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Place, Role
+from tcs_friction.physics.terms import Instance, Role
 
 MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is its harmonic: a square wave's third has 1/3
 
@@ -57,7 +57,7 @@ def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
     """
     added = added_effects(fit.axis, base)
     for one, other in itertools.permutations(added, 2):
-        if not (one.term.neutral and (other.term.offset or _shapeless(other))):
+        if not (one.term.neutral and _shapeless(other)):
             continue
         fewer = fit.axis.without_effect(one).without_effect(other)
         bare = fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
@@ -71,10 +71,8 @@ def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
 
 
 def _shapeless(item: Instance) -> bool:
-    """Whether an effect is a torque over the position that has a size and no shape, as gravity has."""
-    term = item.term
-    linear = all(p.role in (Role.LINEAR, Role.PHASE) for p in term.parameters)
-    return linear and term.coordinate == "position" and term.place is Place.OPPOSING and not (term.periodic or term.tabulated)
+    """Whether an effect is a torque over the position that has a size and no shape, as gravity has, or a constant one."""
+    return item.term.slow_over_position and all(p.role in (Role.LINEAR, Role.PHASE) for p in item.term.parameters)
 
 
 def _rests(item: Instance) -> bool:

@@ -104,7 +104,7 @@ def contest_for_place(
     alone = fit_without(balance, fit, item)
     dispersion = fit.squares.dispersion
     gain = squares_gained(balance, alone, fit, [item]) / dispersion
-    starting = [*challengers, *_alike(balance, alone, item, challengers)]
+    starting = [*challengers, *_acting_like(balance, alone, item, challengers)]
     fitted = fitted_candidates(balance, alone, close_behind(starting), dispersion)
     gains = {id(candidate.fit): candidate.gain for candidate in fitted}
     confirmed = with_best_confirmed(balance, alone, fitted, dispersion)
@@ -158,7 +158,7 @@ def _tied(
         return beside > max(threshold(balance, [term], rival.start.count), gain - rival.gain)
 
     near = [rival for rival in rivals if rival.gain > NEARLY * gain]
-    slopes = [rival for rival in near if _is_slope(balance, fit, item) and rival.items[0].term.slow_over_position]
+    slopes = [r for r in near if r.items[0].term.slow_over_position] if _is_slope(balance, fit, item) else []
     return (*filter(gains_somewhere, near), *slopes, *(rival for rival in alike if gains_beside(rival)))
 
 
@@ -168,7 +168,7 @@ def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Insta
     return waves and in_step(balance, fit.axis, item, other)
 
 
-def _alike(balance: TorqueBalance, alone: Fit, item: Instance, known: Sequence[Start]) -> list[Start]:
+def _acting_like(balance: TorqueBalance, alone: Fit, item: Instance, known: Sequence[Start]) -> list[Start]:
     """Starts of effects not yet known that act as an effect does: through its recorded signal, or as a slope over the position.
 
     A general effect hides its special cases.
