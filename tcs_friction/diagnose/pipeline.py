@@ -42,6 +42,7 @@ from tcs_friction.diagnose.search.stepwise import (
     beyond_remaining_spectrum,
     select_effects,
 )
+from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.friction.lugre import NARROWEST
 from tcs_friction.physics.terms import Need
@@ -122,7 +123,11 @@ def _unless_contradicted_at_rest(
     """
     if retuned.axis.friction.term.without_memory:
         return balance, retuned, retuned
-    other = TorqueBalance(prepare(recordings, at_rest=False), balance.stated_delay)
+    try:
+        moving = prepare(recordings, at_rest=False)
+    except InputError:  # the axis hardly moves: too few samples are left to ask
+        return balance, retuned, retuned
+    other = TorqueBalance(moving, balance.stated_delay)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
     unseen = retuned.axis.bristle < NARROWEST * balance.data.position_noise
     asked = unseen or contradicted_at_rest(other, retuned, again)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from open_loop_cases import LUGRE, PERIOD, axis, recorded, scaled
 
-from tcs_friction.config import load_axis
+from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.dataset.checks import check_units, plain_balance
 from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
@@ -55,6 +56,25 @@ def test_a_motion_too_slow_for_its_length_is_refused() -> None:
     t = np.arange(0.0, 2.5, 1e-3)
     noise = np.random.default_rng(0).normal(0.0, 1e-4, (2, len(t)))
     refused(Recording(t=t, position=0.5 * t + noise[0], torque=1.0 + noise[1]), "0 samples are left to be fitted")
+
+
+def oscillation() -> Recording:
+    """A sinusoid so slow and so noisy that each of its samples is within the filter's length of a reversal."""
+    t = PERIOD * np.arange(20000)
+    speed = 2.0 * np.pi * 0.45
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, (2, len(t)))
+    torque = -1000.0 * 0.01 * speed**2 * np.sin(speed * t) + 60.0 * np.sign(np.cos(speed * t))
+    return Recording(t=t, position=0.01 * np.sin(speed * t) + noise[0], torque=torque + 1e4 * noise[1], source="bag")
+
+
+def test_reversals_everywhere_are_refused_for_friction_without_memory_only() -> None:
+    prepare([oscillation()])
+    with pytest.raises(InputError, match=r"100% of the time.* 0 samples are left.* a friction law with memory such as lugre"):
+        prepare([oscillation()], at_rest=False)
+
+
+def test_reversals_everywhere_are_diagnosed_with_a_law_that_has_a_memory() -> None:
+    assert diagnose([oscillation()], AxisFile(axis())).retuned.held_out > 0.0
 
 
 def test_gaps_that_leave_no_stretch_are_refused(good: Recording) -> None:

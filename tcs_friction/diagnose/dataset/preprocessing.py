@@ -65,13 +65,7 @@ def prepare(
                 part["position"], part["velocity"], band.step * period, band.cutoff, noise, MOVING * band.velocity_noise
             )
     stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory)
-    fitted = sum(int(np.count_nonzero(s.train)) for s in stretches)
-    if fitted < FEWEST_FITTED:
-        raise InputError(
-            recordings[0].source,
-            f"the position shows motion up to {band.cutoff:.3g} Hz only, and {fitted} samples are left to be fitted",
-            f"a longer recording or faster changes of the speed, {FEWEST_FITTED} samples",
-        )
+    _check_fitted(stretches, recordings[0].source, band.cutoff)
     step = visible_step([r.position for r in recordings], band.position_noise)
     return DataSet(
         stretches=stretches,
@@ -149,6 +143,21 @@ def _divided(
         moves = ~part["resting"][:: band.stride]
         stretches.append(Stretch(**part, train=train & moves, held_out=kept & moves, piece=block))
     return tuple(stretches)
+
+
+def _check_fitted(stretches: Sequence[Stretch], source: str, cutoff: float) -> None:
+    """Raise InputError where too few samples are left to be fitted."""
+    fitted = sum(int(np.count_nonzero(s.train)) for s in stretches)
+    if fitted >= FEWEST_FITTED:
+        return
+    resting = float(np.mean(np.concatenate([s.resting for s in stretches])))
+    found, expected = f"the position shows motion up to {cutoff:.3g} Hz only", "a longer recording or faster changes of the speed"
+    if resting > 0.0:
+        found += f", the axis rests or reverses for {resting:.0%} of the time, where a friction law without memory says nothing"
+        expected = "longer motions in one direction, or a friction law with memory such as lugre"
+    raise InputError(
+        source, f"{found}, and {fitted} samples are left to be fitted", f"{expected}, {FEWEST_FITTED} samples"
+    )
 
 
 def _notes(band: Bands, period: float, step: float) -> list[str]:
