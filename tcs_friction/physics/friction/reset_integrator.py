@@ -40,17 +40,30 @@ from tcs_friction.physics.terms import (
 
 @kernel
 def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: stretch p of the bond, rad."""
+    """State: stretch p of the bond, rad; velocity an instant before, rad/s.
+
+    The force jumps where the bond lets go and where it holds again, after the part `passed` of the step. A sample stands for half
+    a step on either side of it, so one that jumped in the middle of the step has its whole new force, one that jumped earlier has
+    more than that and one that jumped later has less: sums over samples are right whenever it jumped.
+    """
     coulomb, static, stiffness, damping, viscous = parameters[:5]
-    limit = coulomb / stiffness
-    stretch = state[0] + motion[TRAVEL]
-    state[0] = min(max(stretch, -limit), limit)
+    limit, travel, velocity, last = coulomb / stiffness, motion[TRAVEL], motion[VELOCITY], state[1]
+    held, passed = abs(state[0]) < limit, 0.5
+    if not held and velocity * state[0] < 0.0:  # it holds again from where the motion reversed
+        passed = last / (last - velocity) if last * state[0] > 0.0 else 0.0
+        travel -= 0.5 * last * passed * dt
+    stretch = state[0] + travel
     holds = abs(stretch) < limit
-    motion[LEVEL] = scaled(motion, static if holds else coulomb)
-    motion[DRY] = motion[LEVEL] * state[0] / limit
-    if holds:
-        motion[DRY] += damping * motion[VELOCITY]
-    motion[VISCOUS] = viscous * motion[VELOCITY] * motion[VISCOUS_SCALE]
+    if held and not holds:
+        passed = (math.copysign(limit, stretch) - state[0]) / travel
+    state[0], state[1] = min(max(stretch, -limit), limit), velocity
+    share = 1.0 if holds else 0.0
+    if holds != held:
+        share += (0.5 - passed) * (1.0 if holds else -1.0)
+    level = coulomb + share * (static - coulomb)
+    motion[LEVEL] = scaled(motion, level)
+    motion[DRY] = motion[LEVEL] * state[0] / limit + share * damping * velocity
+    motion[VISCOUS] = viscous * velocity * motion[VISCOUS_SCALE]
     motion[MOBILISED] = state[0] / limit
     return float(motion[DRY] + motion[VISCOUS])
 
@@ -74,7 +87,7 @@ TERM = Term(
     parameters=(COULOMB, STATIC, STIFFNESS, DAMPING, VISCOUS_COEFFICIENT),
     kernel=friction,
     reads=(),
-    states=1,
+    states=2,
     scan=scan,
     rate=rate,
     bristle=bristle,
