@@ -14,6 +14,7 @@ from tcs_friction.diagnose.outcome.agreement import (
     FEWEST_PIECES,
     Agreement,
     _explained,
+    _share_that_it_could_be,
     agreement_on,
     judged,
     random_effects,
@@ -189,3 +190,13 @@ def test_a_torque_of_the_velocity_is_a_part_of_what_depends_on_it_only(item: Ins
     assert in_time > 0.9
     assert of_the_velocity < 0.6
     assert beside_more < 0.3
+
+
+def test_what_collisions_leave_is_theirs_unless_it_is_more_than_noise() -> None:
+    data = conditioned(np.random.default_rng(3), seconds=80.0)
+    balance, fit = settled(data)
+    values = {"gap": 1e-3, "inertia_ratio": 0.2, "contact_frequency": 20.0, "contact_damping": 0.2}
+    backlash = instance(effect("backlash"), values)
+    left = np.random.default_rng(4).standard_normal(len(balance.train))
+    assert _share_that_it_could_be(balance, fit.axis, backlash, left, floor=0.8) == 0.0
+    assert _share_that_it_could_be(balance, fit.axis, backlash, left, floor=0.5) == 1.0

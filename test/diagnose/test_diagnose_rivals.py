@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import open_loop_cases
 import pytest
-from concealed_torque_cases import conditioned, settled, unfitted
+from concealed_torque_cases import Motion, Torque, conditioned, settled, unfitted
 from open_loop_cases import recorded
 
 from tcs_friction.diagnose.dataset.data_set import DataSet
@@ -130,22 +131,56 @@ def test_every_effect_found_is_contested_on_an_axis_that_keeps_the_others(fitted
     assert len(set(fitted_again)) == 2, "each contest has a rival of its own"
 
 
+def equivalents_over(
+    item: Instance, travel: Callable[[Motion], np.ndarray], torque: Torque, *challengers: Start
+) -> set[Kind]:
+    """What cannot be told from a torque over the position, which this `torque` contains, on an axis that travels so (n,), rad."""
+    plain = conditioned(np.random.default_rng(5), seconds=80.0)
+    (s,) = plain.stretches
+    q = travel(Motion(s.t, s.position, s.velocity))
+    v = np.gradient(q, plain.dt)
+    a = np.gradient(v, plain.dt)
+    noise = 0.3 * np.random.default_rng(6).standard_normal(len(q))
+    required = 900.0 * a + 60.0 * np.sign(v) + 500.0 * v + torque(Motion(s.t, q, v)) + noise
+    balance, fit = settled(replace(plain, stretches=(replace(s, position=q, velocity=v, acceleration=a, torque=required),)))
+    both = settle(balance, fit.axis.with_effect(item), fit.noise, rounds=1)
+    _, contest = contest_for_place(balance, both, both.axis.effects[0], challengers)
+    return {kind for rival in contest.equivalent for kind in rival.kinds}
+
+
+def to_and_fro(travel: float) -> Callable[[Motion], np.ndarray]:
+    """The usual motion over another travel, rad, in the middle of which the position is zero."""
+    return lambda m: travel * ((m.q - np.mean(m.q)) / np.ptp(m.q))
+
+
+GRAVITY = instance(effect("imbalance"), {"amplitude": 20.0, "phase": 0.1})
+SPRING = instance(effect("cable_wrap"), {"stiffness": 20.0, "cubic": 20.0})
+
+
 @pytest.mark.parametrize(("travel", "equivalent"), [(0.5, {Kind("cable_wrap")}), (20.0, set())], ids=["short", "turns"])
 def test_gravity_is_equivalent_to_a_spring_over_a_travel_that_shows_no_more_than_a_slope(
     travel: float, equivalent: set[Kind]
 ) -> None:
-    plain = conditioned(np.random.default_rng(5), seconds=80.0)
-    (s,) = plain.stretches
-    shrunk = travel / float(np.ptp(s.position))
-    q, v, a = (shrunk * x for x in (s.position, s.velocity, s.acceleration))
-    q = q - float(np.mean(q))
-    noise = 0.3 * np.random.default_rng(6).standard_normal(len(q))
-    torque = 900.0 * a + 60.0 * np.sign(v) + 500.0 * v + 20.0 * np.sin(q + 0.1) + noise
-    balance, fit = settled(replace(plain, stretches=(replace(s, position=q, velocity=v, acceleration=a, torque=torque),)))
-    gravity = instance(effect("imbalance"), {"amplitude": 20.0, "phase": 0.1})
-    both = settle(balance, fit.axis.with_effect(gravity), fit.noise, rounds=1)
-    _, contest = contest_for_place(balance, both, both.axis.effects[0], [])
-    assert {kind for rival in contest.equivalent for kind in rival.kinds} == equivalent
+    assert equivalents_over(GRAVITY, to_and_fro(travel), lambda m: 20.0 * np.sin(m.q + 0.1)) == equivalent
+
+
+@pytest.mark.parametrize(("unexplained", "equivalent"), [(0.0, set()), (1.0, {Kind("imbalance")})], ids=["noise", "more"])
+def test_a_spring_is_equivalent_to_gravity_where_more_than_noise_is_left(unexplained: float, equivalent: set[Kind]) -> None:
+    """What else is wrong may bend the one or the other."""
+
+    def torque(m: Motion) -> np.ndarray:
+        return np.asarray(20.0 * m.q + 20.0 * m.q**3 + unexplained * np.sin(9.0 * m.t))
+
+    assert equivalents_over(SPRING, to_and_fro(1.5), torque, as_start(GRAVITY)) == equivalent
+
+
+def test_gravity_is_equivalent_to_friction_over_the_position_where_the_axis_moves_one_way() -> None:
+    def gravity(m: Motion) -> np.ndarray:
+        return np.asarray(6.0 * np.sin(m.q + 0.1))
+
+    friction = Kind("position_dependent_friction")
+    assert friction in equivalents_over(GRAVITY, lambda m: 0.8 * m.t + 0.3 * np.sin(0.7 * m.t), gravity)
+    assert friction not in equivalents_over(GRAVITY, to_and_fro(20.0), gravity)
 
 
 def two_signals() -> DataSet:

@@ -34,6 +34,7 @@ LEVEL_SECONDS = 1.0  # over which the noise level may change
 SHORTEST_LEVEL_WINDOW = 8  # samples
 LOUDEST_NOISE = 4.0  # times the usual power; what is louder is missing physics and keeps its weight
 PLACES = np.linspace(0.0, 1.0, 65)  # quantiles of the positions, over which an inertia is averaged
+NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models left at most 1.4 on MuJoCo
 USUAL_DEVIATIONS = 3.0  # standard deviations of a level estimate that count as usual
 
 

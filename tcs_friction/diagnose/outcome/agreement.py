@@ -35,14 +35,13 @@ from scipy import stats
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.fit.noise_estimate import driven_part, noise_floor
+from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, driven_part, noise_floor
 from tcs_friction.diagnose.search.matched_filter import wave_angle
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
 
 FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
-NO_NOISE = 1.5  # noise floors, from which a residual is no noise whatever it looks like: right models left at most 1.4 on MuJoCo
 PLACES = 24  # of equal length in the travel or the time, or of equal count of velocities, over which a mean depends on that
 OF_THE_VELOCITY = ("velocity", "direction")  # coordinates that the velocity alone gives
 NEXT_ORDERS = 8  # on either side: one period more in the recording is the next one
@@ -77,9 +76,9 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
     """What the pieces say of an effect of a fit; `without`: the fit without it, all else refitted.
 
     A wave can be a part of no more than what is left around its order, a torque or friction of the position of no more than
-    depends on that, a constant torque of no more than its changes over the travel or the time. What collisions leave is theirs:
-    none comes at its exact time. What depends on the velocity can be a part of no more than that, unless more than noise is left:
-    what a wrong friction law leaves depends on the way since a reversal, too.
+    depends on that, a constant torque of no more than its changes over the travel or the time. What collisions leave is theirs,
+    since none comes at its exact time, and what depends on the velocity can be a part of no more than that, unless more than
+    noise is left: wrong models leave what looks like collisions, and wrong friction laws what depends on the way from a reversal.
     """
     noise, pieces = fit.noise, balance.samples.pieces
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
@@ -107,10 +106,10 @@ def _share_that_it_could_be(
     balance: TorqueBalance, axis: Axis, item: Instance, left: np.ndarray, floor: float
 ) -> float:
     """Share of what is left, from a residual (n,) with a noise floor (N m), that an effect of this axis could be a part of."""
-    if item.term.collides:
-        return 0.0
     usable = balance.train | balance.held_out
     more_than_noise = max(rms(left[balance.train]), rms(left[balance.held_out])) >= NO_NOISE * floor
+    if item.term.collides:
+        return 1.0 if more_than_noise else 0.0
     left = left[usable]
     if item.term.periodic:
         angle = wave_angle(balance, axis, item.term)[usable]

@@ -17,8 +17,8 @@ import numpy as np
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
-from tcs_friction.diagnose.fit.noise_estimate import noise_floor
-from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, NO_NOISE, judged, untimed
+from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, noise_floor
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, untimed
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment

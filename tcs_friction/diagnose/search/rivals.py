@@ -7,7 +7,7 @@ with fewer numbers.
 A rival is as good if the noise alone could make the difference. It also is if it explains nearly as much and does better in some
 piece of the data than noise allows: the effect in place is not the truth there, and what else is wrong may decide between them.
 The same holds for waves over the position of one order, one of which explains more beside the other than that has ahead of it,
-and for gravity and springs over a short travel.
+and for gravity and springs over a short travel, or where more than noise is left.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from scipy import stats
 from tcs_friction.diagnose.dataset.excitation import lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, settle
-from tcs_friction.diagnose.fit.noise_estimate import misfit
+from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, misfit
 from tcs_friction.diagnose.search.candidates import (
     STILL_WINNING,
     Candidate,
@@ -38,7 +38,7 @@ from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
 from tcs_friction.diagnose.search.waves import wave_start
-from tcs_friction.physics.terms import Instance, Need
+from tcs_friction.physics.terms import Instance, Need, Place, Term
 
 FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 MOST_RIVALS = 6
@@ -138,7 +138,8 @@ def _tied(
 
     Those explain nearly as much, and in some piece of the data more than noise allows; or they are waves of its order, and
     explain more beside it than it has ahead of them. Were the effect true and all else right, that would be chance. Over a short
-    travel gravity is a slope over the position, and so is a spring: one that explains nearly as much is as good.
+    travel gravity is a slope over the position, and so is a spring, and where more than noise is left, what else is wrong bends
+    the one or the other: one that explains nearly as much is as good.
     """
     used = np.unique(balance.samples.pieces[balance.samples.rows])
     # Were the fit true, a rival whose torque differs by d standard deviations of the noise would lose d^2 + 2 d e in a piece,
@@ -157,9 +158,11 @@ def _tied(
         beside = start.gain / fit.squares.dispersion if start is not None else 0.0
         return beside > max(threshold(balance, [term], rival.start.count), gain - rival.gain)
 
+    bent = item.term.slow_over_position and misfit(balance, balance.residual(fit.axis, fit.noise)) >= NO_NOISE**2
+    sloping = bent or _is_slope(balance, fit, item)
     near = [rival for rival in rivals if rival.gain > NEARLY * gain]
-    slopes = [r for r in near if r.items[0].term.slow_over_position] if _is_slope(balance, fit, item) else []
-    return (*filter(gains_somewhere, near), *slopes, *(rival for rival in alike if gains_beside(rival)))
+    as_good = [x for x in near if gains_somewhere(x) or (sloping and x.items[0].term.slow_over_position)]
+    return (*as_good, *(rival for rival in alike if gains_beside(rival)))
 
 
 def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Instance) -> bool:
@@ -169,17 +172,23 @@ def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Insta
 
 
 def _acting_like(balance: TorqueBalance, alone: Fit, item: Instance, known: Sequence[Start]) -> list[Start]:
-    """Starts of effects not yet known that act as an effect does: through its recorded signal, or as a slope over the position.
+    """Starts of effects not yet known that act as an effect does; a general effect hides its special cases.
 
-    A general effect hides its special cases.
+    They act through its recorded signal, or are slopes over the position as it is, or friction over the position where the axis
+    moves one way only.
     """
     sloping = _is_slope(balance, alone, item)
-    if not (item.signal or sloping):
+    one_way = item.term.slow_over_position and Need.BOTH_DIRECTIONS in lacking(balance.data, alone.axis)
+    if not (item.signal or sloping or one_way):
         return []
+
+    def alike(term: Term, signal: str | None) -> bool:
+        friction = term.place is Place.SCALE and term.coordinate == "position"
+        return (signal == item.signal) if item.signal else (sloping and term.slow_over_position) or (one_way and friction)
+
     projected = ProjectedResidual(balance, alone)
-    others = [(term, signal) for term, signal in eligible(alone.axis, balance) if term is not item.term]
-    same = [(x, signal) for x, signal in others if (x.slow_over_position if sloping else signal == item.signal)]
-    found = [start for term, signal in same for start in starts(projected, term, signal)[:1]]
+    others = [pair for pair in eligible(alone.axis, balance) if pair[0] is not item.term and alike(*pair)]
+    found = [start for term, signal in others for start in starts(projected, term, signal)[:1]]
     kinds = {start.kinds for start in known}
     return [start for start in found if start.kinds not in kinds]
 
