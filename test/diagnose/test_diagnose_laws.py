@@ -226,3 +226,18 @@ def test_a_law_without_memory_is_compared_in_motion_only() -> None:
     everything = TorqueBalance(prepare([recording]))
     left = [np.std(b.residual(fit.axis, fit.noise)[b.train]) for b in (moving, everything)]
     assert left[0] < 0.1 * left[1]
+
+
+@pytest.mark.parametrize(("bristle", "share", "taken"), [(1e-7, 0.018, True), (1e-7, 0.1, False), (1e-4, 0.018, False)])
+def test_bristles_that_the_recording_cannot_show_do_not_speak_for_a_memory(
+    bristle: float, share: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They gain what steps of time make of a reversal, a small share of the noise; more than that is another curve."""
+    moving = TorqueBalance(prepare([tracked("stribeck_static")], at_rest=False))
+    gain = share * moving.samples.effective_count
+    narrow = with_law("free_curve")
+    narrow = replace(narrow, friction=narrow.friction.replace(stiffness=narrow.friction.values["coulomb"] / bristle))
+    simpler = cast(Fit, FakeFit(with_law("stribeck_static"), FakeSquares(1e4 + gain), (1, 2)))
+    monkeypatch.setattr(laws, "law_candidates", lambda *_: [LawCandidate(simpler, -gain, 14.0, True)])
+    fit = cast(Fit, FakeFit(narrow, FakeSquares(1e4), (1, 2, 3)))
+    assert (laws.law_without_memory(moving, fit, narrow) is simpler) is taken

@@ -41,6 +41,15 @@ def test_more_than_three_effects_are_not_all_spelled_out() -> None:
     assert ", and smaller torque ripple: with them the held-out residual falls from 2 (retuned) to 0.5 N m" in text
 
 
+def test_another_law_is_said_to_do_better_only_where_it_does() -> None:
+    nothing = Unexplained(False, 0.0, None)
+    better = statement("parameters", (), nothing, ERRORS, 0.45, (), "rotary", False, law="stribeck static")
+    assert "another friction law, stribeck static, takes the held-out residual from 2 (retuned) to 0.5 N m" in better
+    same = {**ERRORS, "improved": ERRORS["retuned"]}
+    equal = statement("parameters", (), nothing, same, 0.45, (), "rotary", False, law="stribeck static")
+    assert "stribeck static, does as well as the retuned one, with 2 N m left of held-out data" in equal
+
+
 def test_without_a_name_it_says_where_to_look() -> None:
     text = said(verdict="unexplained", mapped=True)
     assert "remains, 0.4 N m rms over position and time; with a learned map the held-out residual falls" in text

@@ -40,10 +40,11 @@ def statement(
             when = f"{abs(1e3 * late):.2g} ms {'later' if late > 0.0 else 'earlier'} than stated"
             text += f" Its torque acts {when}, within the log's sampling."
     elif verdict == "parameters" and law:
-        text = (
-            f"No named physics is missing, but another friction law, {law}, takes the held-out residual from"
-            f" {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})."
-        )
+        text = f"No named physics is missing, but another friction law, {law}, "
+        if held["retuned"] == held["improved"]:
+            text += f"does as well as the retuned one, with {held['improved']} {unit} left of held-out data ({floor})."
+        else:
+            text += f"takes the held-out residual from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})."
     elif verdict == "parameters":
         text = (
             f"No physics is missing, but parameters are off: retuning takes the held-out residual from {held['believed']}"

@@ -25,9 +25,10 @@ from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_as_fitted
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
-from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, chance, threshold
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT_AT_MOST, chance, threshold
 from tcs_friction.numerics.pattern_search import by_factors, go_downhill
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.friction.lugre import NARROWEST
 from tcs_friction.physics.registry import effects, laws
 from tcs_friction.physics.terms import Feature, Instance, Parameter, Role, Survey, Term, instance
 
@@ -163,13 +164,17 @@ def contradicted_at_rest(moving: TorqueBalance, fit: Fit, moving_fit: Fit) -> bo
 def law_without_memory(balance: TorqueBalance, retuned: Fit, believed: Axis) -> Fit | None:
     """The fit with a law without memory, None where the memory of the fit's own law earns its place in motion.
 
+    Bristles too narrow to be seen in the recording earn nothing: what they gain is how steps of time meet a reversal.
     balance: of a data set in which nothing is compared where such friction is unknown.
     """
     terms = [term for term in unloaded_laws() if term.without_memory]
     fits = [candidate.fit for candidate in law_candidates(balance, retuned, terms, believed)]
     best = min(fits, key=lambda fit: fit.squares - retuned.squares)
     earned = (best.squares - retuned.squares) / retuned.squares.dispersion
-    return None if earned > threshold(balance, [retuned.axis.friction.term], 1) else best
+    seen = retuned.axis.bristle >= NARROWEST * balance.data.position_noise
+    by_steps = IMPERFECT_AT_MOST * balance.samples.effective_count
+    needed = threshold(balance, [retuned.axis.friction.term], 1) if seen else by_steps
+    return None if earned > needed else best
 
 
 def simplest_law(balance: TorqueBalance, candidates: Sequence[LawCandidate]) -> LawCandidate | None:
