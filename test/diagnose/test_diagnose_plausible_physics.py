@@ -239,6 +239,14 @@ def test_an_order_that_the_travel_hardly_passes_is_none(quiet: tuple[TorqueBalan
         assert doubt(balance, unfitted(balance, fit.axis.with_effect(wave), fit.noise), wave, fit.axis) is expected
 
 
+def test_a_vibration_of_few_periods_is_none(quiet: tuple[TorqueBalance, Fit]) -> None:
+    balance, fit = quiet
+    once = 1.0 / float(np.ptp(balance.data.joined("t")))
+    for periods, expected in ((4.7, Doubt.NOT_RESOLVED), (8.3, None)):
+        wave = item("periodic_vibration", frequency=periods * once, amplitude=2.0, phase=0.0)
+        assert doubt(balance, unfitted(balance, fit.axis.with_effect(wave), fit.noise), wave, fit.axis) is expected
+
+
 def test_a_wave_that_the_encoder_does_not_sample_is_none(quiet: tuple[TorqueBalance, Fit]) -> None:
     balance, fit = quiet
     wave = item("cogging", order=60.0, amplitude=2.0, phase=0.0)

@@ -28,6 +28,7 @@ MOST_PERIODS = 3e4  # over the travel, of the highest order searched: bounds the
 OVERSAMPLING = 4  # of the transform: the best order is met within a quarter of its resolution
 NEIGHBOURHOOD = 2.0  # Hz, over which a local excess of the noise is estimated
 FEWEST_NEIGHBOURS = 101  # grid points of that estimate, so that no single line is its median
+FEWEST_PERIODS = 5.0  # of a wave in time: fewer do not show that it repeats
 ONE_WAVE = 0.5  # periods over the recording, by which the phases of one and the same wave part at most
 STRONG_LINE = 2.0  # times the noise estimate; a line there may be the cause of what is beside it
 SPEED_BINS = 80  # logarithmic, of the speeds at which a wave was passed
@@ -183,7 +184,7 @@ def _time_spectrum(
     series = np.bincount(index, score, minlength=count)
     length = padded_length(count)
     grid = np.arange(length // 2) / (length * dt)
-    chosen = (grid >= 5.0 / view.duration) & (grid <= 1.2 * view.cutoff)
+    chosen = (grid >= FEWEST_PERIODS / view.duration) & (grid <= 1.2 * view.cutoff)
     sums = np.abs(np.fft.rfft(series, length)[: length // 2][chosen]) ** 2
     weight = float(np.sum(noise.local_weight[balance.train]))
     norm = weight * noise.whitening.squared_gain(grid[chosen], dt)

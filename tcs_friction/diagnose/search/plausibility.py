@@ -14,7 +14,7 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, same_wave, wave_angle
+from tcs_friction.diagnose.search.matched_filter import FEWEST_PERIODS, ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import IMPERFECT, chance
 from tcs_friction.physics.axis import Axis
@@ -178,7 +178,7 @@ def _cancelled(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
 
 
 def _unresolved(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
-    """Whether the steps of a coarse encoder feign a wave: what it moves the axis by is within half a step.
+    """Whether a wave passes too seldom or too fast to be seen, or moves the axis within half a step of a coarse encoder.
 
     At steady speed the error of the steps repeats with time and position, and sampling makes it slow.
     """
@@ -186,6 +186,8 @@ def _unresolved(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | Non
         return None
     step = balance.data.position_step
     if item.term.periodic == "position" and not _sampled(balance, fit.axis, item):
+        return Doubt.NOT_RESOLVED
+    if item.term.periodic == "time" and item.order * float(np.ptp(balance.data.joined("t"))) < FEWEST_PERIODS:
         return Doubt.NOT_RESOLVED
     if step == 0.0:
         return None
