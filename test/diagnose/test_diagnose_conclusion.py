@@ -180,7 +180,7 @@ def test_an_effect_with_which_a_simulation_moves_worse_is_not_named(
     _, _, improved = fitted
     contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
 
-    def with_asymmetry(_: object, model: Axis) -> np.ndarray:
+    def with_asymmetry(_: object, model: Axis, **_rest: float) -> np.ndarray:
         return np.full(50, 1.0 + sum(item.term.id == "coulomb_asymmetry" for item in model.effects))
 
     monkeypatch.setattr(conclusion, "window_errors", with_asymmetry)
@@ -225,7 +225,7 @@ def test_effects_stay_named_where_none_of_them_alone_makes_a_simulation_move_wor
 ) -> None:
     _, _, improved = fitted
     contests = [contest(fitted[0], improved, item.identity) for item in improved.axis.effects]
-    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, 1.0 + len(axis.effects)))
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis, **_rest: np.full(50, 1.0 + len(axis.effects)))
     found = concluded(fitted, *contests)
     assert found.verdict is Verdict.UNEXPLAINED
     assert {one.effect for one in found.effects} == {"torque_bias", "coulomb_asymmetry"}
@@ -243,11 +243,11 @@ def test_collisions_are_not_named_where_a_simulation_moves_worse(
     named = found_effects(balance, Explanation(retuned, rattling, rattling, None, (), tuple(contests)), axis(), 0.1)
     certain = tuple(replace(one, established=True) for one in named)
     monkeypatch.setattr(conclusion, "found_effects", lambda *_: certain)
-    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, 1.0 + len(axis.effects)))
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis, **_rest: np.full(50, 1.0 + len(axis.effects)))
     found = concluded(fitted, *contests, improved=rattling)
     assert [one.effect for one in found.described] == ["backlash"]
     assert {one.effect for one in found.effects} == {"torque_bias", "coulomb_asymmetry"}
-    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, 9.0 - len(axis.effects)))
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis, **_rest: np.full(50, 9.0 - len(axis.effects)))
     assert "backlash" in [one.effect for one in concluded(fitted, *contests, improved=rattling).effects]
 
 
@@ -258,7 +258,7 @@ def test_a_map_with_which_a_simulation_moves_worse_takes_no_name_away(
     mapped = unfitted(balance, both.axis.with_effect(SHARED), both.noise, KNOWN)
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
     runs = {2: 1.0, 3: 3.0}  # of the axis with the two effects, and with what stands for a map
-    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis: np.full(50, runs.get(len(axis.effects), 2.0)))
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, axis, **_rest: np.full(50, runs.get(len(axis.effects), 2.0)))
     found = conclude(balance, AxisFile(axis().with_effect(SHARED)), Explanation(retuned, both, mapped, None, (), contests))
     assert {one.effect for one in found.effects} == {"torque_bias", "coulomb_asymmetry"}
 

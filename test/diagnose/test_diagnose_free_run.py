@@ -11,7 +11,13 @@ from open_loop_cases import axis, conditioned, item, recorded
 
 from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.dataset.preprocessing import prepare
-from tcs_friction.diagnose.outcome.free_run import free_run, moves_worse, typical, usable_horizon
+from tcs_friction.diagnose.outcome.free_run import (
+    free_run,
+    moves_worse,
+    telling_horizon,
+    typical,
+    usable_horizon,
+)
 from tcs_friction.physics.terms import Instance
 
 
@@ -54,6 +60,18 @@ def test_what_terms_remember_is_carried_into_the_windows(effect: Instance) -> No
 def test_a_longer_horizon_strays_further(plain: DataSet) -> None:
     wrong = axis().with_friction({"coulomb": 70.0, "static": 100.0})
     assert free_run(plain, wrong, 0.25) < 0.5 * free_run(plain, wrong, 1.0)
+
+
+def test_two_axes_are_told_apart_over_a_shorter_time_where_all_models_stray_from_each_start() -> None:
+    mode = item("flexible_mode", frequency=14.0, damping=0.02, inertia_ratio=0.3)
+    data = conditioned(recorded(axis(mode), duration=80.0))
+    wrong = axis(mode).with_friction({"coulomb": 70.0, "static": 100.0})
+    assert telling_horizon(data, axis(mode), wrong) == usable_horizon(data) == 1.0
+    assert telling_horizon(data, wrong, axis(mode)) == 1.0
+    assert telling_horizon(data, axis(mode), axis(mode)) == 1.0
+    short = telling_horizon(data, axis(mode), axis())
+    assert 2.0 / data.cutoff <= short < 1.0
+    assert free_run(data, axis(mode), short) < free_run(data, axis(), short)
 
 
 def test_a_model_that_runs_away_has_a_number(plain: DataSet) -> None:

@@ -23,7 +23,13 @@ from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
-from tcs_friction.diagnose.outcome.free_run import moves_worse, typical, usable_horizon, window_errors
+from tcs_friction.diagnose.outcome.free_run import (
+    moves_worse,
+    telling_horizon,
+    typical,
+    usable_horizon,
+    window_errors,
+)
 from tcs_friction.diagnose.outcome.friction_speed import friction_by_speed
 from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
@@ -85,7 +91,8 @@ class _Conclusion:
         located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
         floor = noise_floor(self.balance, residuals["improved"])
         every = found_effects(self.balance, self.explanation, believed, floor)
-        free, loop = _Moved.of(partial(window_errors, data), axes), self._followed(axes)
+        horizon = telling_horizon(data, axes["improved"], axes["retuned"])
+        free, loop = _Moved.of(partial(window_errors, data, horizon=horizon), axes), self._followed(axes)
         worse_in_all = self._effects_predict_worse()
         established = tuple(one for one in every if one.established and not worse_in_all)
         worse = self._with_which_it_moves_worse(established, [free, *([loop] if loop else [])])
@@ -115,7 +122,7 @@ class _Conclusion:
             believed=errors["believed"],
             retuned=errors["retuned"],
             improved=errors["improved"],
-            horizon=usable_horizon(data),
+            horizon=horizon,
             free_run=runs,
             closed_loop=loop.typical() if loop else {},
             atlas=tuple(_atlas_mapping(entry) for entry in located),

@@ -44,7 +44,9 @@ from tcs_friction.physics.terms import (
 )
 
 HORIZON = 1.0  # s
-WINDOWS = 100  # at most, spread over the held-out data
+HALVINGS = 4  # of the horizon at most, where two axes move alike
+SHORTEST_PERIODS = 2.0  # of the cutoff, that such a horizon spans: within less, torque and motion hardly change
+WINDOWS = 100  # at most, spread over the held-out data; more where they are shorter than HORIZON, so that all last as long
 LONGEST_STEP = 1e-3  # s
 MOST_PIECES = 1000  # steps between two samples
 TINY = 1e-300  # rad, instead of no error, so that its logarithm exists
@@ -58,6 +60,23 @@ def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
     step = data.dt / data.stride
     lengths = [b - a - 1 for mask in _held_out(data) for a, b in mask]
     return min(horizon, max(lengths, default=0) * step, sum(lengths) * step / WINDOWS_WANTED)
+
+
+def telling_horizon(data: DataSet, better: Axis, other: Axis) -> float:
+    """The longest of the usable horizon (s) and its halves at which an axis strays less than another; the usable one if at none.
+
+    Torque that nobody logged moves every model away: over long windows it hides what is fast, such as a resonance. Where an axis
+    strays more over the usable horizon, shorter ones say nothing against that.
+    """
+    longest = usable_horizon(data)
+    halves = longest * 0.5 ** np.arange(HALVINGS + 1)
+    for horizon in halves[halves * data.cutoff >= SHORTEST_PERIODS]:
+        one, two = (window_errors(data, axis, float(horizon)) for axis in (better, other))
+        if moves_worse(two, one):
+            return float(horizon)
+        if horizon == longest and moves_worse(one, two):
+            return longest
+    return longest
 
 
 def free_run(data: DataSet, axis: Axis, horizon: float = HORIZON) -> float:
@@ -128,7 +147,8 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
 
 def held_out_windows(data: DataSet, length: int) -> list[np.ndarray]:
     """First samples of windows of `length` samples of the held-out data, for each stretch; at most some WINDOWS in all."""
-    return _windows(_held_out(data), length)
+    seconds = length * data.dt / data.stride
+    return _windows(_held_out(data), length, round(WINDOWS * max(HORIZON / seconds, 1.0)))
 
 
 def _held_out(data: DataSet) -> list[list[tuple[int, int]]]:
@@ -149,10 +169,10 @@ def _blocks(s: Stretch, stride: int) -> list[tuple[int, int]]:
     return blocks
 
 
-def _windows(allowed: list[list[tuple[int, int]]], length: int) -> list[np.ndarray]:
-    """First samples of the windows in each stretch: end to end, then every n-th so that WINDOWS are left."""
+def _windows(allowed: list[list[tuple[int, int]]], length: int, most: int) -> list[np.ndarray]:
+    """First samples of the windows in each stretch: end to end, then every n-th so that at most so many are left."""
     begins = [[a + k * length for a, b in inside for k in range((b - a - 1) // length)] for inside in allowed]
-    every = max(1, math.ceil(sum(map(len, begins)) / WINDOWS))
+    every = max(1, math.ceil(sum(map(len, begins)) / most))
     offset, result = 0, []
     for some in begins:
         result.append(np.array(some[(-offset) % every :: every], dtype=np.int64))
