@@ -59,6 +59,9 @@ def test_without_a_name_it_says_where_to_look() -> None:
 
 def test_without_a_map_it_claims_none() -> None:
     text = said(verdict="unexplained")
-    assert "over position and time, which no map predicts; the held-out residual stays at 0.5 N m" in text
+    assert "over position and time, which no map predicts; with what is described the held-out residual falls from 2 " in text
+    where = Unexplained(True, 0.4, {"coordinates": ["time"]})
+    text = statement("unexplained", (), where, {**ERRORS, "improved": ERRORS["retuned"]}, 0.45, (), "rotary")
+    assert "over time, which no map predicts; the held-out residual stays at 2 N m" in text
     named = said(found("torque_bias", bias=3.0), verdict="unexplained")
     assert "beside torque bias (bias 3 N m; 0.7 N m rms); with what is named the held-out residual falls" in named

@@ -47,7 +47,16 @@ FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from whic
 
 def conclude(balance: TorqueBalance, file: AxisFile, explanation: Explanation) -> Diagnosis:
     """The diagnosis; the first place that looks at held-out data."""
-    return _Conclusion(balance, file, explanation).diagnosis()
+    return _Conclusion(balance, file, _without_a_map_that_predicts_worse(balance, explanation)).diagnosis()
+
+
+def _without_a_map_that_predicts_worse(balance: TorqueBalance, explanation: Explanation) -> Explanation:
+    """The same with the effects alone, where the map on top of them makes the held-out residual larger."""
+    held = judged(balance, explanation.improved.axis)
+    mapped, unmapped = (
+        rms(balance.residual(fit.axis, explanation.improved.noise)[held]) for fit in (explanation.improved, explanation.unmapped)
+    )
+    return replace(explanation, improved=explanation.unmapped) if mapped > (1.0 + FLOOR_ERROR) * unmapped else explanation
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,8 @@ def statement(
             text += f", beside {names}" if names else ""
             if mapped or effects:
                 text += f"; with {'a learned map' if mapped else 'what is named'} {gain}"
+            elif held["retuned"] != held["improved"]:
+                text += f", which no map predicts; with what is described {gain}"
             else:
                 text += f", which no map predicts; the held-out residual stays at {held['improved']} {unit} ({floor})"
             text += f": look at what changes with {over}."
