@@ -110,7 +110,7 @@ def summary(found: Diagnosis) -> str:
         names = ", ".join(f"{entry['effect']} ({entry['torque_rms']:.3g} {unit} rms)" for entry in content["described"])
         lines.append(f"  described, not established: {names}")
     fit, free, loop = content["fit"], content["free_run"], content["closed_loop"]
-    head = f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:g} s, {position} rms"
+    head = f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:.3g} s, {position} rms"
     lines.append(head + ("   closed loop" if loop else ""))
     for name in ("believed", "retuned", "improved"):
         row = fit[name]

@@ -148,7 +148,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     ]
     unit = unbroken(evidence.torque_unit)
     horizon = free.get("horizon")
-    after = f", rms over {horizon:g} s" if horizon else ""
+    after = f", rms over {horizon:.3g} s" if horizon else ""
     head = [
         "model",
         f"residual, train ({unit})",
