@@ -26,7 +26,6 @@ from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT_AT_MOST, chance, threshold
-from tcs_friction.numerics.pattern_search import by_factors, go_downhill
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.friction.lugre import NARROWEST
 from tcs_friction.physics.registry import effects, laws
@@ -39,7 +38,6 @@ SAME_SHAPE = 1.5  # factor between parameters of two starts, below which both wo
 FAR_WORSE = 2.0  # times the squares of the best law after the first steps: further steps win no tenth of that
 CONTRADICTED = 1.5  # times the residual in motion that a fit to motion alone leaves, where the law's memory is wrong at rest
 LONGEST_BRISTLE = 0.1  # of the travel: what bends over more of it is a spring or gravity
-FIRST_STEP, PATTERN_ROUNDS = 0.4, 25  # of a pattern search for a law whose torque jumps: log units, halved in rounds without gain
 STEADY = (Feature.DRY, Feature.VISCOUS)  # friction in steady sliding, which a fit with any law has told
 LEAST_VISCOUS = 1e-3  # of the dry friction at the fastest speed: where a law's linear part starts at least
 
@@ -124,7 +122,7 @@ def law_candidates(
     first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), starts)
     least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)
     close = [one for one in _best_of_each_law(first) if one.squares.value <= FAR_WORSE * least]
-    more = side_by_side(partial(_to_its_minimum, balance, projected), close)
+    more = side_by_side(lambda one: fit_jointly(balance, one.axis, one.noise, MORE_STEPS), close)
     finished = {one.axis.friction.term.id: one for one in sorted(more, key=lambda one: -one.squares.value)}
     alternatives = float(max(len(starts), 1))
     judged = side_by_side(
@@ -250,14 +248,6 @@ def _best_starts(projected: ProjectedResidual, term: Term, axes: Sequence[Axis])
     return best[: EXTENDED_STARTS if term.extends else STARTS]
 
 
-def _to_its_minimum(balance: TorqueBalance, projected: ProjectedResidual, fit: Fit) -> Fit:
-    """The fit after its last steps; of a law whose torque jumps after a search that needs no derivatives."""
-    axis = fit.axis
-    if axis.friction.term.discontinuous:
-        axis = go_downhill(axis, projected.left, _neighbours, FIRST_STEP, PATTERN_ROUNDS)
-    return fit_jointly(balance, axis, fit.noise, MORE_STEPS)
-
-
 def _shape(term: Term) -> list[str]:
     """The free parameters of a law but dry and viscous friction."""
     return [p.name for p in term.parameters if p.role is not Role.FIXED and p.feature not in STEADY]
@@ -267,12 +257,6 @@ def _alike_in_shape(one: Instance, other: Instance) -> bool:
     """Whether no parameter of the shape of two instances of a law differs by a factor."""
     pairs = [(one.values[name], other.values[name]) for name in _shape(one.term)]
     return all(max(a, b) < SAME_SHAPE * min(a, b) or a == b for a, b in pairs)
-
-
-def _neighbours(axis: Axis, step: float) -> list[Axis]:
-    """The axes that have one number of the law's shape larger or smaller by a step of its logarithm."""
-    law = axis.friction
-    return [replace(axis, friction=law.replace(**moved)) for moved in by_factors(law.values, _shape(law.term), step)]
 
 
 def _judged(

@@ -91,5 +91,4 @@ TERM = Term(
     scan=scan,
     rate=rate,
     bristle=bristle,
-    discontinuous=True,
 )
