@@ -139,8 +139,10 @@ def run_node(name: str, seed: int, words: Path, given: Sequence[str]) -> None:
         return node
 
     faulthandler.enable()
-    # the middleware complains there of every message that it cannot read
-    os.dup2(os.open(words, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600), 2)
+    # The middleware complains there of every message that it cannot read. The file has its name once all words go there.
+    begun = words.with_suffix(".begun")
+    os.dup2(os.open(begun, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600), 2)
+    begun.rename(words)
     if name in LOOP:
         sys.exit(run(make, args=ros_arguments()))
     arguments = ros_arguments() if name in LISTENERS else list(QUIET)
