@@ -34,7 +34,7 @@ from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.maps import remaining_structure
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
-from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory
+from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory, shows_bristles
 from tcs_friction.diagnose.search.rivals import contested
 from tcs_friction.diagnose.search.stepwise import (
     Progress,
@@ -44,7 +44,6 @@ from tcs_friction.diagnose.search.stepwise import (
 )
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.friction.lugre import NARROWEST
 from tcs_friction.physics.terms import Need
 from tcs_friction.recording.recording import Recording
 
@@ -129,8 +128,7 @@ def _unless_contradicted_at_rest(
         return balance, retuned, retuned
     other = TorqueBalance(moving, balance.stated_delay)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
-    unseen = retuned.axis.bristle < NARROWEST * balance.data.position_noise
-    asked = unseen or contradicted_at_rest(other, retuned, again)
+    asked = not shows_bristles(balance, retuned.axis) or contradicted_at_rest(other, retuned, again)
     law = law_without_memory(other, again, believed) if asked else None
     if law is None:
         return balance, retuned, retuned

@@ -69,6 +69,8 @@ def telling_horizon(data: DataSet, better: Axis, other: Axis) -> float:
     strays more over the usable horizon, shorter ones say nothing against that.
     """
     longest = usable_horizon(data)
+    if better is other:
+        return longest
     halves = longest * 0.5 ** np.arange(HALVINGS + 1)
     for horizon in halves[halves * data.cutoff >= SHORTEST_PERIODS]:
         one, two = (window_errors(data, axis, float(horizon)) for axis in (better, other))

@@ -169,10 +169,14 @@ def law_without_memory(balance: TorqueBalance, retuned: Fit, believed: Axis) -> 
     fits = [candidate.fit for candidate in law_candidates(balance, retuned, terms, believed)]
     best = min(fits, key=lambda fit: fit.squares - retuned.squares)
     earned = (best.squares - retuned.squares) / retuned.squares.dispersion
-    seen = retuned.axis.bristle >= NARROWEST * balance.data.position_noise
     by_steps = IMPERFECT_AT_MOST * balance.samples.effective_count
-    needed = threshold(balance, [retuned.axis.friction.term], 1) if seen else by_steps
+    needed = threshold(balance, [retuned.axis.friction.term], 1) if shows_bristles(balance, retuned.axis) else by_steps
     return None if earned > needed else best
+
+
+def shows_bristles(balance: TorqueBalance, axis: Axis) -> bool:
+    """Whether the bristles of an axis are wide enough to be seen in the recording."""
+    return axis.bristle >= NARROWEST * balance.data.position_noise
 
 
 def simplest_law(balance: TorqueBalance, candidates: Sequence[LawCandidate]) -> LawCandidate | None:

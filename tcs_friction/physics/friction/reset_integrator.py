@@ -57,9 +57,7 @@ def friction(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     if held and not holds:
         passed = (math.copysign(limit, stretch) - state[0]) / travel
     state[0], state[1] = min(max(stretch, -limit), limit), velocity
-    share = 1.0 if holds else 0.0
-    if holds != held:
-        share += (0.5 - passed) * (1.0 if holds else -1.0)
+    share = holds + (0.5 - passed) * (holds - held)  # of the sample, in which the bond holds
     level = coulomb + share * (static - coulomb)
     motion[LEVEL] = scaled(motion, level)
     motion[DRY] = motion[LEVEL] * state[0] / limit + share * damping * velocity
