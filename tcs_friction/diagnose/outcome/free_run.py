@@ -197,14 +197,18 @@ def _walk(
     cap: float,
     errors: Any,
 ) -> None:
-    """Follow the measured motion in fine steps and let go at each of `begins`; errors (windows, length) in rad."""
+    """Follow the measured motion in fine steps and let go at each of `begins`; errors (windows, length) in rad.
+
+    The terms see the middle of each step, as in the integration that goes on from there: half a step between a shaft and a second
+    body on a stiff contact is a torque.
+    """
     motion, dt = m.motion, m.constants[machine.STEP]
     level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
     window, before, opposing = 0, 0.0, 0.0
     last = begins[-1]
     for i in range(last + 1):
         for piece in range(1 if i == 0 else pieces):
-            part = 0.0 if i == 0 else (piece + 1.0) / pieces
+            part = 0.0 if i == 0 else (piece + 0.5) / pieces
             k = max(i - 1, 0)
             elapsed = dt if i > 0 else 0.0
             q = position[k] + part * (position[i] - position[k])
@@ -232,6 +236,13 @@ def _walk(
             _, opposing = torques(m, elapsed)
         if i == begins[window]:
             states, kept = m.states.copy(), motion.copy()
+            error = 0.0
+            motion[POSITION] = position[i]
+            for j in range(m.ends[4], m.ends[5]):
+                error += call_term(m, j, 0.5 * dt)
+            motion[POSITION] = position[i] - error
+            motion[VELOCITY] = velocity[i] - 2.0 * (error - before) / dt
+            motion[ACCELERATION] = acceleration[i]
             _let_go(m, i, opposing, t, position, torque, signals, pieces, cap, errors[window])
             m.states[:] = states
             motion[:] = kept
@@ -254,7 +265,7 @@ def _let_go(
     """Integrate from the state in `m.motion` on with the measured torque."""
     motion, body = m.motion, m.body
     body[TRUE_POSITION] = motion[POSITION]
-    body[LAST_MIDDLE] = motion[POSITION]
+    body[LAST_MIDDLE] = motion[POSITION] - 0.5 * m.constants[machine.STEP] * motion[VELOCITY]
     body[TRUE_VELOCITY] = motion[VELOCITY]
     body[TRUE_ACCELERATION] = motion[ACCELERATION]
     motion[ACCELERATION] = 0.0
