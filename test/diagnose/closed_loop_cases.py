@@ -12,6 +12,7 @@ from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Multisine, Reference, ReferenceConfig
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance
 from tcs_friction.recording.recording import Recording
 
 
@@ -33,9 +34,15 @@ class BegunAway(Reference):
 
 
 def telescope(
-    drive_noise: float, speed: float, start: float = 3.0, seed: int = 41, away: float = 0.0
+    drive_noise: float,
+    speed: float,
+    start: float = 3.0,
+    seed: int = 41,
+    away: float = 0.0,
+    effects: tuple[Instance, ...] = (),
+    duration: float = 200.0,
 ) -> tuple[Recording, Axis]:
-    """200 s without effects, from `start` (s) on, and the axis; noise in N m rms up to 60 Hz, speed (rad/s) of eight sines.
+    """A recording from `start` (s) on, and the axis; noise in N m rms up to 60 Hz, speed (rad/s) of eight sines.
 
     away: rad between where the axis begins and where its reference does.
     """
@@ -43,8 +50,8 @@ def telescope(
     control = file.control
     assert control is not None
     drive = replace(file.axis.drive, noise=drive_noise, noise_bandwidth=60.0)
-    plant = replace(file.axis, effects=(), drive=drive)
-    sines = Multisine(speed, lowest_frequency=0.003, frequency_step=0.007, components=8, duration=200.0)
+    plant = replace(file.axis, effects=effects, drive=drive)
+    sines = Multisine(speed, lowest_frequency=0.003, frequency_step=0.007, components=8, duration=duration)
     configurations = (control.controller, control.loop, control.observer, control.compensator)
     run = simulate_loop(plant, BegunAway(sines, away), *configurations, seed)
     kept = run.t >= start

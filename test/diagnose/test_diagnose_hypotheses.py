@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from closed_loop_cases import telescope
 from concealed_torque_cases import Motion, axis, conditioned, settled
 
 from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
-from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
+from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, refined, starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.start import Kind, Start
 from tcs_friction.diagnose.search.waves import _leads
@@ -55,16 +57,29 @@ def test_nothing_promises_more_together_where_nothing_is_hidden() -> None:
     assert all(pair.gain < 30.0 for pair in pairs_of_starts(projected, found))
 
 
-def test_the_time_of_a_step_is_found_by_a_pattern_search() -> None:
+def test_the_time_of_a_step_is_found_without_derivatives() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(5), step))
     projected = ProjectedResidual(balance, fit)
     first = starts(projected, effect("load_step"), None)[0]
-    best = pattern_search(projected, first)
+    best = refined(projected, first)
     assert abs(first.instance.values["time"] - STEP) > 1.0
     assert best.gain > first.gain
     assert best.instance.values["time"] == pytest.approx(STEP, abs=0.3)
     smooth = Start((instance(effect("torque_bias"), {"bias": 1.0}),), 1.0, 1, 1.0, np.empty((0, 0)))
-    assert pattern_search(projected, smooth) is smooth
+    assert refined(projected, smooth) is smooth
+
+
+def test_a_gap_with_a_soft_damped_contact_is_found() -> None:
+    """As of gears and stops. A stiff contact that hardly damps meets such collisions at other moments."""
+    values = {"gap": 2e-4, "inertia_ratio": 0.3, "contact_frequency": 25.0, "contact_damping": 0.7}
+    recording, plant = telescope(0.0, 0.05, effects=(instance(effect("backlash"), values),), duration=60.0)
+    balance = TorqueBalance(prepare([recording]))
+    projected = ProjectedResidual(balance, settle(balance, replace(plant, effects=()), white_noise(balance.samples)))
+    found = starts(projected, effect("backlash"), None)
+    assert len({start.instance.values["contact_damping"] for start in found}) == len(found)
+    best = max((refined(projected, start) for start in found), key=lambda start: start.gain)
+    assert best.gain > 0.9 * projected.squares
+    assert best.instance.values["gap"] == pytest.approx(2e-4, rel=0.1)
 
 
 def test_harmonics_belong_to_a_first_one() -> None:

@@ -27,6 +27,7 @@ from tcs_friction.diagnose.fit.torque import TorqueTerms
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Role
 
 HELD = 0.5  # periods of the log: a torque that is held for one acts half of it earlier
 LATER_THAN_STATED = 0.25  # periods of the log by which a torque may act later where a delay is stated
@@ -160,6 +161,12 @@ def times_torque(axis: Axis, free: Sequence[FreeNumber]) -> np.ndarray:
         return number.part is Part.ALIGNMENT or (item is not None and item.term.filters)
 
     return np.array([times(number) for number in free], bool)
+
+
+def jumps(axis: Axis, number: FreeNumber) -> bool:
+    """Whether its effect's torque jumps with a number: derivatives by it say nothing."""
+    item = number.item(axis)
+    return item is not None and item.term.discontinuous and item.term.parameter(number.name).role is Role.SHAPE
 
 
 def rms(x: np.ndarray) -> float:

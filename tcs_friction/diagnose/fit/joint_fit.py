@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tcs_friction.diagnose.fit.balance import TorqueBalance, times_torque
+from tcs_friction.diagnose.fit.balance import TorqueBalance, jumps, times_torque
 from tcs_friction.diagnose.fit.noise import NoiseModel, Squares
 from tcs_friction.diagnose.fit.noise_estimate import estimated, with_bias, with_spectrum
 from tcs_friction.diagnose.fit.parameters import (
@@ -106,9 +106,9 @@ def fit_timing(
 def fit_untimed(
     balance: TorqueBalance, axis: Axis, noise: NoiseModel, iterations: int, tolerance: float = 1.0
 ) -> Fit:
-    """Joint fit of everything but what times the torque."""
+    """Joint fit of everything but what times the torque, and what it jumps with."""
     free = balance.free(axis)
-    held = times_torque(axis, free)
+    held = times_torque(axis, free) | np.array([jumps(axis, number) for number in free], bool)
     return least_squares(balance, axis, free, noise, prior(free), iterations, tolerance, held)
 
 
@@ -138,6 +138,12 @@ def fit_without(balance: TorqueBalance, fit: Fit, item: Instance) -> Fit:
     if item.term.filters:
         fewer = fit_timing(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
     return fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
+
+
+def taken_out(balance: TorqueBalance, fit: Fit, item: Instance) -> Fit:
+    """The fit's axis without one effect, all else as it is."""
+    axis = fit.axis.without_effect(item)
+    return replace(fit, axis=axis, free=tuple(balance.free(axis)))
 
 
 def _shares_torque(fit: Fit, item: Instance) -> bool:

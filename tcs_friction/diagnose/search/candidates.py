@@ -16,7 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly
+from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, taken_out
 from tcs_friction.diagnose.fit.second_body import motion_gain
 from tcs_friction.diagnose.fit.torque import SLOW_PERIODS
 from tcs_friction.diagnose.parallel import side_by_side
@@ -160,17 +160,11 @@ def _gains_apart_from_noise(
         yield _gain_of_torque(balance, base, fit), needed
     for item in items:
         if follows_load(item.term):
-            others = _without(fit, item, balance)
+            others = taken_out(balance, fit, item)
             by_motion = gain_by_load_from_motion(ProjectedResidual(balance, others), item)
             yield by_motion, threshold(balance, [item.term], 1)
         if follows_load(item.term) or item.term.filters:
             yield _gain_where_driven(balance, base, fit, item), needed
-
-
-def _without(fit: Fit, item: Instance, balance: TorqueBalance) -> Fit:
-    """The fit's axis without one effect, all else as it is."""
-    axis = fit.axis.without_effect(item)
-    return replace(fit, axis=axis, free=tuple(balance.free(axis)))
 
 
 def _slow_part(balance: TorqueBalance, white: np.ndarray) -> np.ndarray:

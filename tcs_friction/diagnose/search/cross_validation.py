@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcs_friction.diagnose.dataset.excitation import passes
-from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.balance import TorqueBalance, jumps
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import misfit
-from tcs_friction.diagnose.fit.parameters import FreeNumber, belongs_to, bound_reached
+from tcs_friction.diagnose.fit.parameters import belongs_to, bound_reached
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, chance
-from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Role
+from tcs_friction.physics.terms import Instance
 
 PLAIN_GROWTH = 1.01  # factor by which the residual that is not whitened may grow on pieces that a candidate was not fitted to
 NEAR = 3.0  # widths about its centre, where a local effect that was passed once must account for all
@@ -45,7 +44,7 @@ def squares_left_out(balance: TorqueBalance, fit: Fit, items: Sequence[Instance]
     residual = balance.residual(fit.axis, fit.noise)
     plain = balance.derivatives(fit.axis, fit.free, fit.noise, residual)
     movable = [
-        bound_reached(fit.axis, fit.free, k) == 0 and not (own[k] and _jumps(fit.axis, number))
+        bound_reached(fit.axis, fit.free, k) == 0 and not (own[k] and jumps(fit.axis, number))
         for k, number in enumerate(fit.free)
     ]
     size = np.linalg.norm(plain, axis=0) * movable
@@ -64,12 +63,6 @@ def squares_left_out(balance: TorqueBalance, fit: Fit, items: Sequence[Instance]
         squares.white[piece] = np.sum((white[left] + some @ step) ** 2)
         squares.plain[piece] = np.sum((residual[every] + plain[every] @ step) ** 2)
     return squares
-
-
-def _jumps(axis: Axis, number: FreeNumber) -> bool:
-    """Whether its effect's torque jumps with a number."""
-    item = number.item(axis)
-    return item is not None and item.term.discontinuous and item.term.parameter(number.name).role is Role.SHAPE
 
 
 def squares_as_fitted(balance: TorqueBalance, fit: Fit) -> SquaresOnPieces:

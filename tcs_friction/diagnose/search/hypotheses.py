@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import optimize
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.parallel import side_by_side
@@ -28,12 +29,12 @@ from tcs_friction.diagnose.search.start import (
     kind_of,
 )
 from tcs_friction.diagnose.search.waves import periodic_starts
-from tcs_friction.numerics.pattern_search import by_factors, go_downhill
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Role, Term
 
-FIRST_STEP, PATTERN_ROUNDS = 0.13, 16  # of a pattern search: log units, halved in every round without a gain
+FIRST_STEPS = (-0.13, 0.5, -0.5)  # of a search without derivatives, log units: half a step of the scan, and far beside it
+SIMPLEX_TRIALS = 100  # of such a search
 
 
 def eligible(axis: Axis, balance: TorqueBalance) -> list[tuple[Term, str | None]]:
@@ -89,28 +90,54 @@ def starts(projected: ProjectedResidual, term: Term, signal_name: str | None) ->
 
 
 def _peaks(found: Sequence[Start]) -> list[Start]:
-    """Starts, best first, that are better than those beside them along the first shape, within its range."""
-    if not found:
-        return []
-    name = next(p.name for p in found[0].instance.term.parameters if p.role is Role.SHAPE)
-    row = sorted(found, key=lambda s: s.instance.values[name])
-    inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if a.gain <= b.gain > c.gain]
-    return sorted(inner, key=lambda s: -s.gain)
+    """Starts, best first, that are better than those beside them along the first shape, within its range.
+
+    Starts that differ in another shape are looked at apart, and each of these rows has its share of what is kept.
+    """
+    rows: dict[tuple[float, ...], list[Start]] = {}
+    for start in found:
+        _, *others = _shape(start)
+        rows.setdefault(tuple(others), []).append(start)
+    kept = list[Start]()
+    for row in rows.values():
+        row.sort(key=lambda start: _shape(start)[0])
+        inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if a.gain <= b.gain > c.gain]
+        kept += sorted(inner, key=lambda start: -start.gain)[: max(STARTS // len(rows), 1)]
+    return sorted(kept, key=lambda start: -start.gain)
 
 
-def pattern_search(projected: ProjectedResidual, start: Start) -> Start:
-    """The start of an effect whose torque jumps with its shape, after a pattern search over the shape; others as they are."""
+def _shape(start: Start) -> list[float]:
+    """Values of an effect's shape, in the order of its declaration."""
+    item = start.instance
+    return [item.values[p.name] for p in item.term.parameters if p.role is Role.SHAPE]
+
+
+def refined(projected: ProjectedResidual, start: Start) -> Start:
+    """The start of an effect whose torque jumps with its shape, after a search without derivatives; others as they are.
+
+    Over the logarithms of the shape, by the simplex method of Nelder and Mead.
+    """
     term, signal_name = start.instance.term, start.instance.signal
     if not term.discontinuous or len(start.instances) > 1:
         return start
-    names = [p.name for p in term.parameters if p.role is Role.SHAPE]
+    shapes = [p for p in term.parameters if p.role is Role.SHAPE]
+    best = start
 
-    def neighbours(point: Start, step: float) -> list[Start]:
-        moves = by_factors({name: point.instance.values[name] for name in names}, names, step)
-        judged = [judged_linear(projected, term, moved, signal_name, start.alternatives) for moved in moves]
-        return [point for point in judged if point is not None]
+    def cost(logarithms: np.ndarray) -> float:
+        nonlocal best
+        shape = {p.name: min(float(x), p.upper) for p, x in zip(shapes, np.exp(logarithms), strict=True)}
+        tried = judged_linear(projected, term, shape, signal_name, start.alternatives)
+        if tried is None:
+            return 0.0
+        if tried.gain > best.gain:
+            best = tried
+        return -tried.gain
 
-    return go_downhill(start, lambda point: -point.gain, neighbours, FIRST_STEP, PATTERN_ROUNDS)
+    centre = np.log(_shape(start))
+    corners = centre + np.diag(FIRST_STEPS[: len(shapes)])
+    settings = {"initial_simplex": np.vstack([centre, corners]), "maxfev": SIMPLEX_TRIALS}
+    optimize.minimize(cost, centre, method="Nelder-Mead", options=settings)
+    return best
 
 
 def pairs_of_starts(projected: ProjectedResidual, found: Sequence[Start]) -> list[Start]:

@@ -18,13 +18,20 @@ import numpy as np
 from scipy import ndimage
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, fit_without, from_believed_law, settle
+from tcs_friction.diagnose.fit.joint_fit import (
+    Fit,
+    fit_jointly,
+    fit_without,
+    from_believed_law,
+    settle,
+    taken_out,
+)
 from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candidate, fitted_candidates
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
 from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
-from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, pattern_search, starts
+from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, refined, starts
 from tcs_friction.diagnose.search.laws import (
     LawCandidate,
     extension_promises,
@@ -42,10 +49,10 @@ from tcs_friction.diagnose.search.significance import (
     imperfection,
     threshold,
 )
-from tcs_friction.diagnose.search.start import Kind, Start, kind_of
+from tcs_friction.diagnose.search.start import Kind, Start, judged_linear, kind_of
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Instance, Term
+from tcs_friction.physics.terms import Instance, Role, Term
 
 TRIED = 5  # candidates in a round that are fitted jointly
 CLOSE_BEHIND = 0.1  # of the best start's promise, from which a start is fitted jointly, too
@@ -109,10 +116,9 @@ def select_effects(
         if best is None or len(added_effects(fit.axis, retuned.axis)) >= MOST_EFFECTS:
             break
         before = fit
-        new = {item.identity for item in best.items} if len(best.items) == 1 else set()
-        earlier = [item for item in added_effects(best.fit.axis, retuned.axis) if item.identity not in new]
         fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
-        fit = with_harmonics_joined(balance, _placed_again(balance, fit, earlier), retuned.axis)
+        fit = _placed_again(balance, fit, added_effects(fit.axis, retuned.axis))
+        fit = with_harmonics_joined(balance, fit, retuned.axis)
         fit = with_offsets_joined(balance, fit, retuned.axis)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)
@@ -214,7 +220,7 @@ def one_round(balance: TorqueBalance, fit: Fit, excluded: frozenset[str] = froze
     both = max(pairs_of_starts(projected, found), key=beyond_chance, default=None)
     if both is not None and beyond_chance(both) > max(single, 0.0):
         promising.append(both)
-    promising = side_by_side(partial(pattern_search, projected), promising)
+    promising = side_by_side(partial(refined, projected), promising)
     candidates = fitted_candidates(balance, fit, promising, dispersion)
     return with_best_confirmed(balance, fit, candidates, dispersion)
 
@@ -235,7 +241,7 @@ def _confused_with_collisions(fit: Fit) -> frozenset[str]:
 def _placed_again(balance: TorqueBalance, fit: Fit, items: Sequence[Instance]) -> Fit:
     """The fit with those of these effects whose torque jumps with their shape where a search now puts each.
 
-    What was missing when they were found may have led them astray, and no derivative leads them back.
+    What was missing when they were found may have led them astray, and no joint fit, which follows derivatives, leads them back.
     """
     for old in items:
         item = next((x for x in fit.axis.effects if x.identity == old.identity), None)
@@ -245,17 +251,28 @@ def _placed_again(balance: TorqueBalance, fit: Fit, items: Sequence[Instance]) -
 
 
 def _placed_elsewhere(balance: TorqueBalance, fit: Fit, item: Instance) -> Fit | None:
-    """The fit with one effect found once more on top of all others, if it does better there."""
-    alone = fit_without(balance, fit, item)
-    projected = ProjectedResidual(balance, alone)
+    """The fit with one effect found once more, on top of all others or beside them as they are, if it does better there."""
+    base = fit_without(balance, fit, item)
+    projected = ProjectedResidual(balance, base)
     found = starts(projected, item.term, item.signal)
-    start = pattern_search(projected, found[0]) if found else None
-    if start is None or start.gain <= alone.squares - fit.squares:
+    start = refined(projected, found[0]) if found else None
+    if start is None or start.gain <= base.squares - fit.squares:
+        base = taken_out(balance, fit, item)
+        start = _refined_in_place(ProjectedResidual(balance, base), item)
+    if start is None:
         return None
-    placed = alone.axis.with_effect(start.instance)
+    placed = base.axis.with_effect(item.replace(**start.instance.values))
     trial = fit_jointly(balance, placed, fit.noise, PLACING_ITERATIONS)
     better = fit.squares - trial.squares > 0.0
     return settle(balance, trial.axis, trial.noise, rounds=1) if better else None
+
+
+def _refined_in_place(projected: ProjectedResidual, item: Instance) -> Start | None:
+    """A better start for an effect that was taken out, found from the shape that it had; None where there is none."""
+    shape = {p.name: item.values[p.name] for p in item.term.parameters if p.role is Role.SHAPE}
+    here = judged_linear(projected, item.term, shape, item.signal, 1.0)
+    better = refined(projected, here) if here is not None else None
+    return None if better is here else better
 
 
 def pruned(

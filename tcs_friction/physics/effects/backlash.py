@@ -24,7 +24,11 @@ from tcs_friction.physics.terms import (
     kernel,
 )
 
-FINENESS = 1.3  # factor between gaps
+CONTACTS = (
+    (1.0, 0.15, 1.3),  # stiff, hardly damped: the moment of a collision tells the gap
+    (0.3, 0.5, 1.7),  # soft, well damped, as gears, stops and couplings are: collisions last longer and tell it less
+)
+"""What the search tries at the ends of the gap: resonance over the cutoff, damping ratio, and the factor between gaps."""
 SAME_STEP = 1e-6  # relative difference of steps that one solution of the contact serves
 
 
@@ -66,10 +70,13 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
-    """Gaps close enough together for collisions to come in time."""
+    """Gaps close enough together for collisions to come in time, each with every contact."""
     lower, upper = max(20.0 * survey.resolution, 1e-6 * survey.span), 0.03 * survey.span
-    gaps = geometric(lower, upper, max(2, math.ceil(math.log(upper / lower) / math.log(FINENESS)) + 1))
-    return [{"gap": gap, "contact_frequency": survey.cutoff, "contact_damping": 0.15} for gap in gaps]
+    return [
+        {"gap": gap, "contact_frequency": stiffness * survey.cutoff, "contact_damping": damping}
+        for stiffness, damping, fineness in CONTACTS
+        for gap in geometric(lower, upper, max(2, math.ceil(math.log(upper / lower) / math.log(fineness)) + 1))
+    ]
 
 
 def rate(values: Mapping[str, float], inertia: float) -> float:
