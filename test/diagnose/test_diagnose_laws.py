@@ -17,7 +17,7 @@ from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Multisine, Reference
 from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle, under
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.result import Verdict
 from tcs_friction.diagnose.pipeline import diagnose
@@ -96,6 +96,19 @@ def test_a_law_that_is_believed_is_told_what_it_lacks(true: str, believed: str, 
     assert found.verdict in expected
     if names:
         assert found.free_run["improved"] < found.free_run["retuned"]
+
+
+def test_bristles_that_went_astray_do_not_keep_a_law_from_being_found() -> None:
+    """A retuned law that is wrong may bend as far as the axis moves; the believed one says better how far bristles bend."""
+    believed = with_law("bliman_sorine", 1.1)
+    balance = TorqueBalance(prepare([tracked("lugre")]))
+    fit = settle(balance, believed, white_noise(balance.samples))
+    wide = {"presliding_distance": 300.0 * believed.friction.values["presliding_distance"], "ratio": 0.013}
+    astray = under(balance, replace(fit, axis=fit.axis.with_friction(dict(fit.axis.friction.values) | wide)), fit.noise)
+    (found,) = laws.law_candidates(balance, astray, [law("lugre")], believed)
+    assert found.plausible
+    assert found.gain > 0.0
+    assert found.fit.axis.friction.values["stiffness"] == pytest.approx(LUGRE["stiffness"], rel=0.1)
 
 
 def test_a_better_law_that_an_effect_comes_before_is_taken_beside_it() -> None:

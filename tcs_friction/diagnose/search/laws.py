@@ -108,17 +108,17 @@ def law_candidates(
 ) -> list[LawCandidate]:
     """Each of these laws in the place of a fit's own, fitted jointly, best first; without those that are far worse.
 
-    They start from the fit's own values and from the believed ones: while a law lacked something, its numbers may have gone
-    astray to stand in for that. beside_own: whether the fit's own law counts among those that others may be far worse than.
+    They start from the fit's own values and from the believed ones: while a law lacked something, its numbers, the width of its
+    bristles among them, may have gone astray to stand in for that. beside_own: whether the fit's own law counts among those that
+    others may be far worse than.
     """
     projected = ProjectedResidual(balance, fit)
-    view = survey(balance, fit.axis)
     sources = [fit.axis, replace(fit.axis, friction=believed.friction)]
-    starts = [
-        axis
-        for term in terms
-        for axis in _best_starts(projected, term, [x for source in sources for x in starting_axes(source, term, view)])
-    ]
+    views = [survey(balance, source) for source in sources]
+    starts = list[Axis]()
+    for term in terms:
+        axes = [axis for pair in zip(sources, views, strict=True) for axis in starting_axes(pair[0], term, pair[1])]
+        starts += _best_starts(projected, term, axes)
     first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), starts)
     least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)
     close = [one for one in _best_of_each_law(first) if one.squares.value <= FAR_WORSE * least]
@@ -126,7 +126,7 @@ def law_candidates(
     finished = {one.axis.friction.term.id: one for one in sorted(more, key=lambda one: -one.squares.value)}
     alternatives = float(max(len(starts), 1))
     judged = side_by_side(
-        partial(_judged, balance, fit, view, projected.dispersion, alternatives), list(finished.values())
+        partial(_judged, balance, fit, views, projected.dispersion, alternatives), list(finished.values())
     )
     return sorted(judged, key=lambda candidate: -candidate.score)
 
@@ -264,11 +264,12 @@ def _alike_in_shape(one: Instance, other: Instance) -> bool:
 
 
 def _judged(
-    balance: TorqueBalance, base: Fit, view: Survey, dispersion: float, alternatives: float, fit: Fit
+    balance: TorqueBalance, base: Fit, views: Sequence[Survey], dispersion: float, alternatives: float, fit: Fit
 ) -> LawCandidate:
     """What a fit with another law is worth beside the base, confirmed in more than one piece of the data.
 
-    A law whose new parts the recording cannot show, or that are like no friction, is worth nothing.
+    A law whose new parts the recording cannot show, or that are like no friction, is worth nothing. views: of the axes that laws
+    start from, whose bristles say how far those of others may bend.
     """
     extra = max(len(fit.free) - len(base.free), 1)
     before, after = squares_as_fitted(balance, base), squares_as_fitted(balance, fit)
@@ -276,7 +277,7 @@ def _judged(
     gain = float(base.squares - fit.squares) / dispersion
     needed = threshold(balance, [fit.axis.friction.term], extra, alternatives)
     grown = after.plain.sum() > PLAIN_GROWTH * before.plain.sum()
-    plausible = not _implausible(base.axis.friction, fit.axis.friction, view)
+    plausible = not all(_implausible(base.axis.friction, fit.axis.friction, view) for view in views)
     if (
         grown
         or not plausible
