@@ -35,6 +35,7 @@ from tcs_friction.physics.terms import Role, Term
 
 FIRST_STEPS = (-0.13, 0.5, -0.5)  # of a search without derivatives, log units: half a step of the scan, and far beside it
 SIMPLEX_TRIALS = 100  # of such a search
+FARTHEST = 3.0  # from its start that it goes, log units
 
 
 def eligible(axis: Axis, balance: TorqueBalance) -> list[tuple[Term, str | None]]:
@@ -136,7 +137,8 @@ def refined(projected: ProjectedResidual, start: Start) -> Start:
     centre = np.log(_shape(start))
     corners = centre + np.diag(FIRST_STEPS[: len(shapes)])
     settings = {"initial_simplex": np.vstack([centre, corners]), "maxfev": SIMPLEX_TRIALS}
-    optimize.minimize(cost, centre, method="Nelder-Mead", options=settings)
+    near = optimize.Bounds(centre - FARTHEST, centre + FARTHEST)
+    optimize.minimize(cost, centre, method="Nelder-Mead", bounds=near, options=settings)
     return best
 
 
