@@ -11,6 +11,7 @@ import numpy as np
 
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics.motion import signal_slot
+from tcs_friction.physics.parameters import Role
 from tcs_friction.physics.table import Table
 from tcs_friction.physics.term import Term
 
@@ -63,6 +64,11 @@ class Instance:
         """What it is, with what tells it from others of its kind: `cogging of order 72`."""
         order = f" of order {self.order:.4g}" if self.term.periodic == "position" else ""
         return f"{self.term.words}{order}{f' from {self.signal}' if self.signal else ''}"
+
+    @property
+    def shape(self) -> dict[str, float]:
+        """Values of its shape by name, in the order of their declaration: what is neither linear nor fixed."""
+        return {p.name: self.values[p.name] for p in self.term.parameters if p.role is Role.SHAPE}
 
     @property
     def thermal(self) -> bool:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,12 +17,13 @@ from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.search import hypotheses
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, refined, starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.start import Kind, Start
 from tcs_friction.diagnose.search.waves import _leads
 from tcs_friction.physics.registry import effect, effects
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.terms import Term, instance
 
 STEP = 100.37  # s
 
@@ -67,6 +71,21 @@ def test_the_time_of_a_step_is_found_without_derivatives() -> None:
     assert best.instance.values["time"] == pytest.approx(STEP, abs=0.3)
     smooth = Start((instance(effect("torque_bias"), {"bias": 1.0}),), 1.0, 1, 1.0, np.empty((0, 0)))
     assert refined(projected, smooth) is smooth
+
+
+def test_a_search_without_derivatives_stays_near_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a stiffer contact always gains a little, the search would go on until its numbers overflow."""
+    values = {"gap": 1e-4, "inertia_ratio": 0.1, "contact_frequency": 50.0, "contact_damping": 0.5}
+
+    def ever_stiffer(_: object, term: Term, shape: Mapping[str, float], signal: str | None, alternatives: float) -> Start:
+        assert all(map(math.isfinite, shape.values()))
+        item = instance(term, {"inertia_ratio": 0.1, **shape}, signal=signal)
+        return Start((item,), math.log(shape["contact_frequency"]), 1, alternatives, np.empty((0, 0)))
+
+    monkeypatch.setattr(hypotheses, "judged_linear", ever_stiffer)
+    first = Start((instance(effect("backlash"), values),), 0.0, 1, 1.0, np.empty((0, 0)))
+    best = refined(cast(ProjectedResidual, None), first).instance.shape
+    assert 2.0 < best["contact_frequency"] / 50.0 < 21.0
 
 
 def test_a_gap_with_a_soft_damped_contact_is_found() -> None:

@@ -215,9 +215,7 @@ def _walk(
             v = velocity[k] + part * (velocity[i] - velocity[k])
             motion[TIME] = t[k] + part * (t[i] - t[k])
             motion[POSITION] = q
-            error = 0.0
-            for j in range(m.ends[4], m.ends[5]):
-                error += call_term(m, j, elapsed)
+            error = _sensor_error(m, elapsed)
             if elapsed > 0.0:
                 v -= (error - before) / elapsed
             before = error
@@ -236,10 +234,8 @@ def _walk(
             _, opposing = torques(m, elapsed)
         if i == begins[window]:
             states, kept = m.states.copy(), motion.copy()
-            error = 0.0
             motion[POSITION] = position[i]
-            for j in range(m.ends[4], m.ends[5]):
-                error += call_term(m, j, 0.5 * dt)
+            error = _sensor_error(m, 0.5 * dt)
             motion[POSITION] = position[i] - error
             motion[VELOCITY] = velocity[i] - 2.0 * (error - before) / dt
             motion[ACCELERATION] = acceleration[i]
@@ -247,6 +243,15 @@ def _walk(
             m.states[:] = states
             motion[:] = kept
             window += 1
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _sensor_error(m: Machine, dt: float) -> float:
+    """What the sensors' terms add to the position in `m.motion`, rad."""
+    error = 0.0
+    for j in range(m.ends[4], m.ends[5]):
+        error += call_term(m, j, dt)
+    return error
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -282,9 +287,7 @@ def _let_go(
                 )
             advance(m, torque[i] + part * (torque[i + 1] - torque[i]))
         motion[POSITION] = body[TRUE_POSITION]
-        error = body[TRUE_POSITION] - position[i + 1]
-        for j in range(m.ends[4], m.ends[5]):
-            error += call_term(m, j, m.constants[machine.STEP])
+        error = body[TRUE_POSITION] - position[i + 1] + _sensor_error(m, m.constants[machine.STEP])
         if not abs(error) < cap:
             errors[n:] = cap
             return

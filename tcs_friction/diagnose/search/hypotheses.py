@@ -97,20 +97,14 @@ def _peaks(found: Sequence[Start]) -> list[Start]:
     """
     rows: dict[tuple[float, ...], list[Start]] = {}
     for start in found:
-        _, *others = _shape(start)
+        _, *others = start.instance.shape.values()
         rows.setdefault(tuple(others), []).append(start)
     kept = list[Start]()
     for row in rows.values():
-        row.sort(key=lambda start: _shape(start)[0])
+        row.sort(key=lambda start: list(start.instance.shape.values()))
         inner = [b for a, b, c in zip(row, row[1:], row[2:], strict=False) if a.gain <= b.gain > c.gain]
         kept += sorted(inner, key=lambda start: -start.gain)[: max(STARTS // len(rows), 1)]
     return sorted(kept, key=lambda start: -start.gain)
-
-
-def _shape(start: Start) -> list[float]:
-    """Values of an effect's shape, in the order of its declaration."""
-    item = start.instance
-    return [item.values[p.name] for p in item.term.parameters if p.role is Role.SHAPE]
 
 
 def refined(projected: ProjectedResidual, start: Start) -> Start:
@@ -121,12 +115,12 @@ def refined(projected: ProjectedResidual, start: Start) -> Start:
     term, signal_name = start.instance.term, start.instance.signal
     if not term.discontinuous or len(start.instances) > 1:
         return start
-    shapes = [p for p in term.parameters if p.role is Role.SHAPE]
+    upper = {name: term.parameter(name).upper for name in start.instance.shape}
     best = start
 
     def cost(logarithms: np.ndarray) -> float:
         nonlocal best
-        shape = {p.name: min(float(x), p.upper) for p, x in zip(shapes, np.exp(logarithms), strict=True)}
+        shape = {name: min(float(x), upper[name]) for name, x in zip(upper, np.exp(logarithms), strict=True)}
         tried = judged_linear(projected, term, shape, signal_name, start.alternatives)
         if tried is None:
             return 0.0
@@ -134,8 +128,8 @@ def refined(projected: ProjectedResidual, start: Start) -> Start:
             best = tried
         return -tried.gain
 
-    centre = np.log(_shape(start))
-    corners = centre + np.diag(FIRST_STEPS[: len(shapes)])
+    centre = np.log(list(start.instance.shape.values()))
+    corners = centre + np.diag(FIRST_STEPS[: len(centre)])
     settings = {"initial_simplex": np.vstack([centre, corners]), "maxfev": SIMPLEX_TRIALS}
     near = optimize.Bounds(centre - FARTHEST, centre + FARTHEST)
     optimize.minimize(cost, centre, method="Nelder-Mead", bounds=near, options=settings)

@@ -117,7 +117,7 @@ def law_candidates(
     views = [survey(balance, source) for source in sources]
     starts = list[Axis]()
     for term in terms:
-        axes = [axis for pair in zip(sources, views, strict=True) for axis in starting_axes(pair[0], term, pair[1])]
+        axes = [axis for source, view in zip(sources, views, strict=True) for axis in starting_axes(source, term, view)]
         starts += _best_starts(projected, term, axes)
     first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), starts)
     least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)

@@ -52,7 +52,7 @@ from tcs_friction.diagnose.search.significance import (
 from tcs_friction.diagnose.search.start import Kind, Start, judged_linear, kind_of
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Instance, Role, Term
+from tcs_friction.physics.terms import Instance, Term
 
 TRIED = 5  # candidates in a round that are fitted jointly
 CLOSE_BEHIND = 0.1  # of the best start's promise, from which a start is fitted jointly, too
@@ -269,8 +269,7 @@ def _placed_elsewhere(balance: TorqueBalance, fit: Fit, item: Instance) -> Fit |
 
 def _refined_in_place(projected: ProjectedResidual, item: Instance) -> Start | None:
     """A better start for an effect that was taken out, found from the shape that it had; None where there is none."""
-    shape = {p.name: item.values[p.name] for p in item.term.parameters if p.role is Role.SHAPE}
-    here = judged_linear(projected, item.term, shape, item.signal, 1.0)
+    here = judged_linear(projected, item.term, item.shape, item.signal, 1.0)
     better = refined(projected, here) if here is not None else None
     return None if better is here else better
 

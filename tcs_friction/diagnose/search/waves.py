@@ -21,7 +21,7 @@ from tcs_friction.diagnose.search.start import (
     with_best_amplitudes,
     with_multiples,
 )
-from tcs_friction.physics.terms import Instance, Role, Survey, Term
+from tcs_friction.physics.terms import Instance, Survey, Term
 
 FUNDAMENTAL_GAIN = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
 FUNDAMENTAL_SIZE = 0.5  # of the largest harmonic, that the first one must have
@@ -89,7 +89,7 @@ def _without_idle_harmonics(projected: ProjectedResidual, start: Start, columns:
     waves = term.harmonics
     if len(waves) == 1:
         return start
-    shape = {p.name: start.instance.values[p.name] for p in term.parameters if p.role is Role.SHAPE}
+    shape = start.instance.shape
     kept = list(range(len(waves)))
     needed = 2.0 * math.log(max(len(projected.white), 2)) * projected.dispersion
     while len(kept) > 1:
