@@ -6,8 +6,9 @@ residual over the noise floor, time. Beside it two baselines on the same worlds,
 effect is found in half of all recordings beside that of an oracle (concealed_oracle.py).
 
 `--worlds` asks for other kinds: on MuJoCo, with misspecified bases, with other friction laws (mujoco_worlds.py,
-misspecified_worlds.py, law_worlds.py). Every kind is judged by one function (concealed_score.py). `--save` writes worlds for
-`./tcs diagnose`, `-o` a report with the reliability of the stated probabilities.
+misspecified_worlds.py, law_worlds.py), and the recordings that came with the project (practice_worlds.py). Every kind is judged
+by one function (concealed_score.py). `--save` writes worlds for `./tcs diagnose`, `-o` a report with the reliability of the
+stated probabilities.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from benchmarks.children import deaf, ended_with_this
 from benchmarks.concealed_baselines import baselines
 from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, world_of
 from benchmarks.concealed_effects import OUTSIDE
-from benchmarks.concealed_kinds import ALL, KINDS, OWN, Task, save, tasks_of
+from benchmarks.concealed_kinds import ALL, DRAWN, KINDS, OWN, Task, save, tasks_of
 from benchmarks.concealed_kinds import solve as solve_task
 from benchmarks.concealed_limits import limit_rows, limits_of
 from benchmarks.concealed_report import reliability_rows, row, summary, write_report
@@ -67,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this benchmark."""
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default 0)")
     parser.add_argument(
-        "--worlds", choices=[OWN, *KINDS, ALL], default=OWN, help="kind of worlds (default own)"
+        "--worlds", choices=[OWN, *KINDS, ALL], default=OWN, help="kind of worlds; all: every one that is drawn (default own)"
     )
     parser.add_argument(
         "--each", type=positive, default=1, help="own worlds per effect; pairs and others in proportion"
@@ -107,7 +108,7 @@ def _world_name(word: str) -> str:
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """All worlds of the kinds asked for, or the limits."""
-    kinds = [OWN, *KINDS] if arguments.worlds == ALL else [arguments.worlds]
+    kinds = DRAWN if arguments.worlds == ALL else [arguments.worlds]
     with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool, ended_with_this():
         if arguments.limits is not None and arguments.only is None:
             tasks = [(name, arguments.seed, arguments.stretch) for name in arguments.limits or LIMITED]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import law_worlds, misspecified_worlds, mujoco_worlds
+from benchmarks import law_worlds, misspecified_worlds, mujoco_worlds, practice_worlds
 from benchmarks.concealed_floor import attainable
 from benchmarks.concealed_score import Judged, failed, judge
 from benchmarks.trials import Trial, save_trial
@@ -19,17 +19,20 @@ OWN, ALL = "own", "all"
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of worlds: the names of all its worlds, and the world of a name and a seed."""
+    """A kind of worlds: the names of all its worlds, and the world of a name and a seed. drawn: not, where it is recorded."""
 
     names: Callable[[], list[str]]
     world: Callable[[str, int], Trial]
+    drawn: bool = True
 
 
 KINDS: Mapping[str, Kind] = {
     "mujoco": Kind(mujoco_worlds.names, mujoco_worlds.world),
     "misspecified": Kind(misspecified_worlds.names, misspecified_worlds.world),
     "laws": Kind(law_worlds.names, law_worlds.world),
+    "practice": Kind(practice_worlds.names, practice_worlds.world, drawn=False),
 }
+DRAWN = [OWN, *(name for name, kind in KINDS.items() if kind.drawn)]
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,9 @@ def test_a_constant_is_no_map() -> None:
         ),
         (lambda m: 2.0 * np.exp(-(((m.q - 1.0) / 0.3) ** 2)), ("position",), None),
         (lambda m: 0.8 * np.cos(30.0 * m.v), ("velocity",), None),
+        (lambda m: 12.0 * (np.abs(m.v) - np.mean(np.abs(m.v))), ("velocity",), None),  # fewer columns with any other beside it
     ],
-    ids=["speed and position", "fading wave", "hill", "wavy speed"],
+    ids=["speed and position", "fading wave", "hill", "wavy speed", "growing with speed"],
 )
 def test_finds_maps_and_they_predict_held_out_data(
     torque: Torque, coordinates: tuple[str, ...], period: float | None

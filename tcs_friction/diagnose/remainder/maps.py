@@ -43,7 +43,7 @@ FINE, ACROSS_ZERO = 40, 31  # nodes of maps over one coordinate: an odd number h
 RARE = (0.2, 99.8)  # percentiles of a coordinate beyond which a map is constant
 BEYOND_FASTEST = 1.5  # times the fastest speed, up to which a map that grows with speed goes on
 MOST_REPEATS = 4000.0  # over the travel, of a map that repeats
-SIMPLER = 0.9  # of the best map's explained power is enough for a simpler one
+SIMPLER = 0.9  # of the best map's explained power is enough for one over fewer coordinates, or of fewer columns
 FEWEST_ROWS = 100  # of chunk means: fewer carry no map
 
 
@@ -169,7 +169,8 @@ def remaining_structure(balance: TorqueBalance, fit: Fit, noise: NoiseModel) -> 
     if not found:
         return _in_time(slow)
     best = max(j.power for j in found)
-    chosen = min((j for j in found if j.power >= SIMPLER * best), key=lambda j: j.product.count)
+    close = (j for j in found if j.power >= SIMPLER * best)
+    chosen = min(close, key=lambda j: (len(j.product.coordinates), j.product.count))
     period = 2.0 * math.pi / chosen.product.first.order if isinstance(chosen.product.first, Wave) else None
     return Structure(
         chosen.product.coordinates,
