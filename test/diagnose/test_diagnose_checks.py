@@ -187,3 +187,29 @@ def test_friction_that_would_drive_the_axis_is_no_balance(good: Recording) -> No
         driving = share * LUGRE["coulomb"] * stretch.velocity / float(np.std(stretch.velocity))
         driven = replace(stretch, torque=stretch.torque - LUGRE["viscous"] * stretch.velocity - driving)
         assert (plain_balance(replace(data, stretches=(driven,)), everything) is not None) == known, share
+
+
+def without(r: Recording, lost: np.ndarray) -> Recording:
+    """The recording without some samples, indices (k,)."""
+    return Recording(np.delete(r.t, lost), np.delete(r.position, lost), np.delete(r.torque, lost), source=r.source)
+
+
+def test_around_a_pause_of_the_log_nothing_is_compared(good: Recording) -> None:
+    """Four samples are lost, fewer than make a gap. What comes late is stamped when it comes."""
+    lost = without(good, np.arange(3000, 3004))
+    late = replace(lost, t=np.where(np.arange(len(lost)) == 3001, 0.9 * lost.t[3000] + 0.1 * lost.t[3001], lost.t))
+    data = prepared(late)
+    (stretch,) = data.stretches
+    compared = stretch.train | stretch.held_out
+    near = np.abs(data.joined("t") - good.t[3002]) < 0.1
+    assert near.any()
+    assert not compared[near].any()
+    assert data.dt * np.count_nonzero(compared) > 17.0, "of 20 s"
+    assert data.notes[-1] == "nothing is compared around 1 pause of the log, longer than 3 usual times between samples"
+
+
+def test_where_pauses_are_usual_what_lies_between_them_is_compared(good: Recording) -> None:
+    lost = np.flatnonzero(np.isin(np.arange(len(good)) % 100, (0, 1, 2, 3)))[4:]
+    data = prepared(without(good, lost))
+    assert np.count_nonzero(data.train) > 0.9 * np.count_nonzero(prepared(good).train)
+    assert not any("pause" in note for note in data.notes)

@@ -161,6 +161,21 @@ def test_verdicts_follow_from_what_was_found(fitted: tuple[TorqueBalance, Fit, F
     assert conclude(balance, wrong, Explanation(improved, improved, improved, None)).verdict is Verdict.PARAMETERS
 
 
+@pytest.mark.parametrize(("times", "verdict"), [(1.05, Verdict.MATCH), (30.0, Verdict.UNEXPLAINED)])
+def test_an_axis_that_leaves_more_than_a_constant_torque_is_no_match(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch, times: float, verdict: Verdict
+) -> None:
+    """Although all that it leaves is taken for noise: of an acceleration that a wrong inertia multiplies, say."""
+    balance, _, improved = fitted
+    wrong = unfitted(balance, replace(improved.axis, inertia=times * improved.axis.inertia), improved.noise)
+    left = np.std(balance.residual(wrong.axis, wrong.noise)[balance.held_out])
+    monkeypatch.setattr(conclusion, "noise_floor", lambda *_: float(left))
+    found = conclude(balance, AxisFile(wrong.axis), Explanation(wrong, wrong, wrong, None))
+    assert found.verdict is verdict
+    told = "Not to be judged from this: anything, since a constant torque leaves only" in found.statement
+    assert told == (verdict is Verdict.UNEXPLAINED)
+
+
 @pytest.mark.parametrize(("floors", "told"), [(1.4, False), (1.6, True)])
 def test_what_is_half_as_large_again_as_the_noise_is_unexplained(
     fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch, floors: float, told: bool

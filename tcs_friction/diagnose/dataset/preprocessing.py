@@ -7,7 +7,7 @@ In: recordings. Out: a `DataSet`. The steps, each in a module of its own:
 3. the position's spectrum says up to which frequency torques can be compared (`bands`);
 4. position, velocity and acceleration come from the same low-passed position, and torque and all other signals pass the same
    filter (`filters`), so that a torque and the motion that it causes keep their timing;
-5. edges are left out, and some data are held out (`hold_out`);
+5. edges and pauses of the log are left out, and some data are held out (`hold_out`);
 6. where the axis rests (`rest`), nothing is compared for a friction law without memory: at rest it only bounds the torque.
 """
 
@@ -26,6 +26,7 @@ from tcs_friction.diagnose.dataset.filters import low_pass
 from tcs_friction.diagnose.dataset.rest import unknown_friction
 from tcs_friction.errors import InputError
 from tcs_friction.numerics.sampling import jitter, resampled
+from tcs_friction.recording.columns import counted
 from tcs_friction.recording.recording import Recording
 
 SHORTEST = 2.0  # s; two periods of the lowest cutoff
@@ -34,6 +35,7 @@ EVEN = 1e-3  # relative jitter of the steps: at a fifth of the sampling rate, th
 FEWEST_FITTED = 20  # compared samples, five for each number of a plain balance
 EDGE_PERIODS = 4.0  # of the cutoff, left out at both ends: the low pass settles to 1e-5 in so many
 EDGE_SECONDS = 0.1  # at least: a torque that acts later than it is logged acts by then
+PAUSE = 3.0  # usual times between samples: no line through what came before and after tells how the axis moved meanwhile
 NO_TEMPERATURE = 20.0  # degC, where none was recorded
 
 Segment = tuple[int, slice]  # number of the recording, samples of it
@@ -54,17 +56,19 @@ def prepare(
     segments, notes = _long_enough(recordings)
     period = float(np.median([np.median(np.diff(recordings[k].t[s])) for k, s in segments]))
     series = [_even(recordings[k], s, period) for k, s in segments]
-    spacing = usual_spacing([recordings[k].t[s] for k, s in segments])
+    times = [recordings[k].t[s] for k, s in segments]
+    spacing = usual_spacing(times)
     band = bands([values[0] for _, values in series], period, spacing)
     parts = [_filtered(one, period, band) for one in series]
     dt = band.step * band.stride * period
+    pauses = _pauses(times, spacing, _edge(band))
     if not at_rest:
         noise = math.sqrt(2.0 * period * band.motion) * band.position_noise
         for part in parts:
             part["resting"] = unknown_friction(
                 part["position"], part["velocity"], band.step * period, band.cutoff, noise, MOVING * band.velocity_noise
             )
-    stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory)
+    stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory, pauses)
     _check_fitted(stretches, recordings[0].source, band.cutoff)
     step = visible_step([r.position for r in recordings], band.position_noise)
     return DataSet(
@@ -78,7 +82,7 @@ def prepare(
         position_step=step,
         names=tuple(recordings[0].exogenous),
         temperature=all(r.temperature is not None for r in recordings),
-        notes=(*notes, *_notes(band, period, step)),
+        notes=(*notes, *_notes(band, period, step, sum(map(len, pauses)))),
     )
 
 
@@ -123,6 +127,31 @@ def _filtered(series: Series, period: float, band: Bands) -> dict[str, np.ndarra
     return kept | {"resting": np.zeros(len(kept["t"]), bool)}
 
 
+def _edge(band: Bands) -> float:
+    """s, left out beside what is not known."""
+    return max(EDGE_PERIODS / band.cutoff, EDGE_SECONDS)
+
+
+def _pauses(times: Sequence[np.ndarray], spacing: float, edge: float) -> list[np.ndarray]:
+    """Beginnings and ends (p, 2), s, of what the pauses of each stretch, sampled at `times`, leave unknown, edges included.
+
+    What was buffered meanwhile often comes at once, with the stamps of its arrival. None where that would be too much of the
+    data: pauses are usual then, and what is compared lies at frequencies that a line through the samples leaves alone.
+    """
+    found = []
+    for t in times:
+        begins = np.flatnonzero(np.diff(t) > PAUSE * spacing)
+        found.append(np.stack([t[begins] - edge, t[begins + 1] + edge], axis=1))
+    lost = sum(float(np.sum(np.diff(pauses, axis=1))) for pauses in found)
+    few = lost < hold_out.MOST_UNKNOWN * sum(float(t[-1] - t[0]) for t in times)
+    return found if few else [np.zeros((0, 2)) for _ in found]
+
+
+def _within(t: np.ndarray, spans: np.ndarray) -> np.ndarray:
+    """(n,) Which times t (n,) lie within one of the spans (p, 2)."""
+    return np.any([(begin <= t) & (t <= end) for begin, end in spans], axis=0) if len(spans) else np.zeros(len(t), bool)
+
+
 def _divided(
     parts: Sequence[dict[str, np.ndarray]],
     sources: Sequence[int],
@@ -130,18 +159,22 @@ def _divided(
     dt: float,
     some: bool,
     memory: float,
+    pauses: Sequence[np.ndarray],
 ) -> tuple[Stretch, ...]:
-    """Stretches with their train and held-out samples; sources: which recording each is from; dt: s between compared samples."""
+    """Stretches with their train and held-out samples.
+
+    sources: which recording each is from. dt: s between compared samples. pauses: spans (p, 2) of each, s, that are left out.
+    """
     positions = [part["position"][:: band.stride] for part in parts]
-    edge = math.ceil(max(EDGE_PERIODS / band.cutoff, EDGE_SECONDS) / dt)
+    edge = math.ceil(_edge(band) / dt)
     numbers = hold_out.blocks([len(position) for position in positions], edge)
     masks = hold_out.held_out(sources, numbers) if some else [np.zeros(len(block), bool) for block in numbers]
     unknown = hold_out.unknown(positions, memory)
     stretches = []
-    for part, mask, block, first in zip(parts, masks, numbers, unknown, strict=True):
+    for part, mask, block, first, paused in zip(parts, masks, numbers, unknown, pauses, strict=True):
         train, kept = hold_out.divided(mask, edge, first)
-        moves = ~part["resting"][:: band.stride]
-        stretches.append(Stretch(**part, train=train & moves, held_out=kept & moves, piece=block))
+        known = ~part["resting"][:: band.stride] & ~_within(part["t"][:: band.stride], paused)
+        stretches.append(Stretch(**part, train=train & known, held_out=kept & known, piece=block))
     return tuple(stretches)
 
 
@@ -160,7 +193,7 @@ def _check_fitted(stretches: Sequence[Stretch], source: str, cutoff: float) -> N
     )
 
 
-def _notes(band: Bands, period: float, step: float) -> list[str]:
+def _notes(band: Bands, period: float, step: float, pauses: int) -> list[str]:
     """What a reader of the report should know of the data set."""
     evaluated = band.step * period
     lines = [
@@ -169,4 +202,7 @@ def _notes(band: Bands, period: float, step: float) -> list[str]:
     ]
     if step > 0.0:
         lines.append(f"the encoder's steps of {step:.3g} show: waves within half a step are not named")
+    if pauses:
+        longer = f"{counted(pauses, 'pause')} of the log, longer than {PAUSE:g} usual times between samples"
+        lines.append(f"nothing is compared around {longer}")
     return lines

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, noise_floor
@@ -108,7 +109,8 @@ class _Conclusion:
         found = tuple(one for one in established if one not in worse)
         described = tuple(one for one in every if one not in found)
         unexplained = self._unexplained(errors, floor, described)
-        if not (found or unexplained.present) and _retuning_fails(errors, floor):
+        constant = self._left_by_a_constant(errors)
+        if not (found or unexplained.present) and (constant is not None or _retuning_fails(errors, floor)):
             left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
             unexplained = Unexplained(True, left, {"coordinates": ["time"]})
         runs = free.typical()
@@ -117,6 +119,9 @@ class _Conclusion:
         late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
         added = [item for item in fit.axis.effects if not item.term.tabulated]
         lines = (*limits(data, believed), *passed_once(data, added), *self._untimed())
+        if constant is not None:
+            unit = unit_of("torque", believed.kind)
+            lines += (f"anything, since a constant torque leaves only {constant:.3g} {unit}: inertia or units may be wrong",)
         law = fit.axis.friction.term.words if fit.axis.friction.term is not believed.friction.term else ""
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
@@ -177,6 +182,12 @@ class _Conclusion:
             return item.term.collides or any(not proof.worse(explanation.without(item).axis) for proof in worse)
 
         return tuple(one for one in found if worse and at_fault(one.instance))
+
+    def _left_by_a_constant(self, errors: Mapping[str, Errors]) -> float | None:
+        """What a constant torque leaves of the logged one in held-out data, where every axis leaves far more; else None."""
+        torque = self.balance.data.joined("torque")[judged(self.balance, self.explanation.improved.axis)]
+        left = float(np.std(torque)) if len(torque) else math.inf
+        return left if min(one.held_out for one in errors.values()) > FAR_ABOVE * left else None
 
     def _residual(self, axis: Axis) -> np.ndarray:
         return self.balance.residual(axis, self.explanation.improved.noise)
