@@ -207,6 +207,21 @@ def test_an_effect_with_which_a_simulation_moves_worse_is_not_named(
     assert "can cancel torque bias." in found.statement
 
 
+def test_nothing_is_named_where_the_believed_axis_moves_best(
+    fitted: tuple[TorqueBalance, Fit, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The retuned axis moves worse than both: what is wrong with its numbers may be what the effects mend."""
+    balance, retuned, improved = fitted
+    contests = [contest(balance, improved, item.identity) for item in improved.axis.effects]
+    strays = {id(retuned.axis): 4.0, id(improved.axis): 2.0}
+    monkeypatch.setattr(conclusion, "window_errors", lambda _, model, **__: np.full(50, strays.get(id(model), 1.0)))
+    found = concluded(fitted, *contests)
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert found.effects == ()
+    assert {one.effect for one in found.described} == {"torque_bias", "coulomb_asymmetry"}
+    assert "coulomb asymmetry and torque bias predicts torque better and moves worse" in found.statement
+
+
 class _Loop:
     """A closed loop in which the effects of one kind make an axis follow worse. known: whether the controller is the file's."""
 

@@ -76,6 +76,11 @@ class _Moved:
         """Whether the improved axis moves worse than the retuned one."""
         return moves_worse(self.errors["improved"], self.errors["retuned"])
 
+    @property
+    def believed_is_best(self) -> bool:
+        """Whether the retuned and the improved axis both move worse than the believed one."""
+        return all(moves_worse(self.errors[name], self.errors["believed"]) for name in ("retuned", "improved"))
+
     def typical(self) -> dict[str, float]:
         """The typical error of each axis by name."""
         return {name: typical(windows) for name, windows in self.errors.items()}
@@ -171,8 +176,11 @@ class _Conclusion:
         """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not.
 
         Where it moves worse collisions are always among them: none comes at its exact time, and the torque that they leave counts
-        as their own, so that only a better motion proves them.
+        as their own, so that only a better motion proves them. Where the believed axis moves best all of them are: beside numbers
+        that were led astray nothing is proven.
         """
+        if any(proof.believed_is_best for proof in proofs):
+            return tuple(found)
         explanation = self.explanation
         worse = [proof for proof in proofs if found and proof.improved_is_worse]
         if explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
