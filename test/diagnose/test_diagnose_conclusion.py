@@ -12,7 +12,7 @@ import pytest
 from concealed_torque_cases import axis, conditioned, settled, unfitted
 
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
@@ -186,6 +186,23 @@ def test_what_is_half_as_large_again_as_the_noise_is_unexplained(
     left = concluded(fitted, *contests).improved
     monkeypatch.setattr(conclusion, "noise_floor", lambda *_: max(left.train, left.held_out) / floors)
     assert concluded(fitted, *contests).unexplained.present == told
+
+
+@pytest.mark.parametrize(("floors", "equivalent"), [(1.4, ()), (1.6, ("cable_wrap",))])
+def test_a_spring_is_equivalent_to_gravity_where_far_more_than_noise_is_left(
+    fitted: tuple[TorqueBalance, Fit, Fit], floors: float, equivalent: tuple[str, ...]
+) -> None:
+    """It explains nine tenths as much, and so does a wave, which nothing else bends so."""
+    balance, retuned, _ = fitted
+    gravity = instance(effect("imbalance"), {"amplitude": 5.0, "phase": 0.3})
+    spring = instance(effect("cable_wrap"), {"stiffness": 5.0, "cubic": 0.0, "neutral": 0.0})
+    improved = unfitted(balance, axis().with_effect(gravity), retuned.noise, KNOWN)
+    (item,) = improved.axis.effects
+    found = contest(balance, improved, item.identity, spring, SHARED)
+    found = replace(found, rivals=tuple(replace(rival, gain=92.0) for rival in found.rivals))
+    left = rms(balance.residual(improved.axis, improved.noise)[balance.held_out])
+    (one,) = found_effects(balance, Explanation(retuned, improved, improved, None, (), (found,)), axis(), left / floors)
+    assert tuple(kind.effect for kind in one.equivalent) == equivalent
 
 
 def test_an_effect_with_which_a_simulation_moves_worse_is_not_named(

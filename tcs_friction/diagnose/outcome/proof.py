@@ -16,6 +16,7 @@ import numpy as np
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on, judged
 from tcs_friction.diagnose.outcome.explanation import Explanation
@@ -41,7 +42,7 @@ LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Axis, floor: float) -> tuple[Found, ...]:
     """What an explanation adds to a believed axis, largest torque first; learned maps are no effects. floor: of noise, N m."""
-    proof = _Proof(balance, explanation)
+    proof = _Proof(balance, explanation, floor)
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     if rms(proof.residual(proof.fit.axis)[balance.train]) > COMPLETE * floor:
@@ -58,6 +59,7 @@ class _Proof:
 
     balance: TorqueBalance
     explanation: Explanation
+    floor: float = math.inf  # of noise, N m
 
     @property
     def fit(self) -> Fit:
@@ -67,8 +69,14 @@ class _Proof:
         return self.balance.residual(axis, self.fit.noise)
 
     def found(self, item: Instance) -> Found:
-        """One effect of the improved axis with its proof."""
+        """One effect of the improved axis with its proof.
+
+        Where far more than noise is left of held-out data, what else is wrong may bend gravity into a spring, or the reverse.
+        """
         fit, contest = self.fit, self.explanation.contest(item)
+        left = rms(self.residual(fit.axis)[judged(self.balance, fit.axis)])
+        if contest is not None and item.term.slow_over_position and left >= NO_NOISE * self.floor:
+            contest = contest.bent
         equivalent = contest.equivalent if contest is not None else ()
         gain = contest.gain if contest is not None else 0.0
         kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)

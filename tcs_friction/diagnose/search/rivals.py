@@ -71,6 +71,12 @@ class Contest:
         first = {kind: rival for rival in reversed(close) for kind in rival.kinds if kind != self.kind}
         return tuple(rival for rival in close if any(rival is chosen for chosen in first.values()))
 
+    @property
+    def bent(self) -> Contest:
+        """The same with all torques of the position that vary slowly and explain nearly as much among the tied ones."""
+        nearly = (rival for rival in self.rivals if rival.gain > NEARLY * self.gain)
+        return replace(self, tied=(*self.tied, *(rival for rival in nearly if rival.items[0].term.slow_over_position)))
+
 
 def contested(balance: TorqueBalance, selection: Selection, progress: Progress) -> tuple[Fit, tuple[Contest, ...]]:
     """Let what was promising in any round compete for the place of every effect found."""
