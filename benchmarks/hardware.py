@@ -72,11 +72,7 @@ def recordings_in(folder: Path, only: Sequence[str] | None) -> list[Path]:
 def subject_of(folder: Path, names: Sequence[str], seed: int) -> Subject:
     """A recording with what each law makes of it."""
     file = load_axis(folder / "axis.yaml")
-    if file.signals is None:
-        raise InputError(
-            str(folder / "axis.yaml"), "no signals block", "signals: {position: ..., torque: ...}"
-        )
-    recordings = read_recordings([folder / "recording"], file.signals)
+    recordings = read_recordings([folder / "recording"], file.mapped(folder / "axis.yaml"))
     found = {}
     for name in names:
         if sys.stderr.isatty():

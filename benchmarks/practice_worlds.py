@@ -44,7 +44,7 @@ def world(name: str, seed: int = 0) -> Trial:  # noqa: ARG001 they are recorded,
     if not (folder / "axis.yaml").is_file():
         raise InputError(str(folder), "no recording", "axis.yaml, recording and truth.json (TCS_FRICTION_DATA names the folder)")
     file, truth = load_axis(folder / "axis.yaml"), json.loads((folder / "truth.json").read_text())
-    (recording,) = read_recordings([folder / "recording"], file.mapped(str(folder / "axis.yaml")))
+    (recording,) = read_recordings([folder / "recording"], file.mapped(folder / "axis.yaml"))
     right = Expected(
         tuple((effect,) for effect in MISSING[name]),
         noise_floor=float(truth.get("torque_noise", 0.0)),

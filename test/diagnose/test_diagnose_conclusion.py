@@ -192,7 +192,7 @@ def test_what_is_half_as_large_again_as_the_noise_is_unexplained(
 def test_a_spring_is_equivalent_to_gravity_where_far_more_than_noise_is_left(
     fitted: tuple[TorqueBalance, Fit, Fit], floors: float, equivalent: tuple[str, ...]
 ) -> None:
-    """It explains nine tenths as much, and so does a wave, which nothing else bends so."""
+    """It explains nine tenths as much. So does friction by direction, which is no torque of the position."""
     balance, retuned, _ = fitted
     gravity = instance(effect("imbalance"), {"amplitude": 5.0, "phase": 0.3})
     spring = instance(effect("cable_wrap"), {"stiffness": 5.0, "cubic": 0.0, "neutral": 0.0})

@@ -148,8 +148,12 @@ def _pauses(times: Sequence[np.ndarray], spacing: float, edge: float) -> list[np
 
 
 def _within(t: np.ndarray, spans: np.ndarray) -> np.ndarray:
-    """(n,) Which times t (n,) lie within one of the spans (p, 2)."""
-    return np.any([(begin <= t) & (t <= end) for begin, end in spans], axis=0) if len(spans) else np.zeros(len(t), bool)
+    """(n,) Which of the rising times t (n,) lie within one of the spans (p, 2)."""
+    inside = np.zeros(len(t), bool)
+    firsts, ends = np.searchsorted(t, spans[:, 0]), np.searchsorted(t, spans[:, 1], side="right")
+    for first, end in zip(firsts, ends, strict=True):
+        inside[first:end] = True
+    return inside
 
 
 def _divided(

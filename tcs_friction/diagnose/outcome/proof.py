@@ -42,7 +42,9 @@ LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
 
 def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Axis, floor: float) -> tuple[Found, ...]:
     """What an explanation adds to a believed axis, largest torque first; learned maps are no effects. floor: of noise, N m."""
-    proof = _Proof(balance, explanation, floor)
+    improved = explanation.improved
+    left = rms(balance.residual(improved.axis, improved.noise)[judged(balance, improved.axis)])
+    proof = _Proof(balance, explanation, bent=left >= NO_NOISE * floor)
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     if rms(proof.residual(proof.fit.axis)[balance.train]) > COMPLETE * floor:
@@ -55,11 +57,14 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
 
 @dataclass(frozen=True)
 class _Proof:
-    """What proofs are made from."""
+    """What proofs are made from.
+
+    bent: whether so much more than noise is left of held-out data that what else is wrong may bend gravity into a spring.
+    """
 
     balance: TorqueBalance
     explanation: Explanation
-    floor: float = math.inf  # of noise, N m
+    bent: bool = False
 
     @property
     def fit(self) -> Fit:
@@ -69,13 +74,9 @@ class _Proof:
         return self.balance.residual(axis, self.fit.noise)
 
     def found(self, item: Instance) -> Found:
-        """One effect of the improved axis with its proof.
-
-        Where far more than noise is left of held-out data, what else is wrong may bend gravity into a spring, or the reverse.
-        """
+        """One effect of the improved axis with its proof."""
         fit, contest = self.fit, self.explanation.contest(item)
-        left = rms(self.residual(fit.axis)[judged(self.balance, fit.axis)])
-        if contest is not None and item.term.slow_over_position and left >= NO_NOISE * self.floor:
+        if contest is not None and self.bent and item.term.slow_over_position:
             contest = contest.bent
         equivalent = contest.equivalent if contest is not None else ()
         gain = contest.gain if contest is not None else 0.0

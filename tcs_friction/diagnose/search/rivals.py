@@ -73,9 +73,8 @@ class Contest:
 
     @property
     def bent(self) -> Contest:
-        """The same with all torques of the position that vary slowly and explain nearly as much among the tied ones."""
-        nearly = (rival for rival in self.rivals if rival.gain > NEARLY * self.gain)
-        return replace(self, tied=(*self.tied, *(rival for rival in nearly if rival.items[0].term.slow_over_position)))
+        """The same with the rivals that are slow torques of the position, too, among the tied ones."""
+        return replace(self, tied=(*self.tied, *filter(_is_slow, _near(self.rivals, self.gain))))
 
 
 def contested(balance: TorqueBalance, selection: Selection, progress: Progress) -> tuple[Fit, tuple[Contest, ...]]:
@@ -166,9 +165,18 @@ def _tied(
 
     bent = item.term.slow_over_position and misfit(balance, balance.residual(fit.axis, fit.noise)) >= NO_NOISE**2
     sloping = bent or _is_slope(balance, fit, item)
-    near = [rival for rival in rivals if rival.gain > NEARLY * gain]
-    as_good = [x for x in near if gains_somewhere(x) or (sloping and x.items[0].term.slow_over_position)]
+    as_good = [rival for rival in _near(rivals, gain) if gains_somewhere(rival) or (sloping and _is_slow(rival))]
     return (*as_good, *(rival for rival in alike if gains_beside(rival)))
+
+
+def _near(rivals: Sequence[Candidate], gain: float) -> list[Candidate]:
+    """The rivals that explain nearly as much as an effect with this gain."""
+    return [rival for rival in rivals if rival.gain > NEARLY * gain]
+
+
+def _is_slow(rival: Candidate) -> bool:
+    """Whether a rival is a torque of the position that varies slowly over it, as gravity and springs are."""
+    return rival.items[0].term.slow_over_position
 
 
 def _of_one_order(balance: TorqueBalance, fit: Fit, item: Instance, other: Instance) -> bool:
