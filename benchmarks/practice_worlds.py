@@ -6,7 +6,6 @@ TCS_FRICTION_DATA names, or of ../shared. Some truths are sentences only, so wha
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 
 from benchmarks.concealed_score import Expected
@@ -15,6 +14,7 @@ from benchmarks.trials import Trial
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
+from tcs_friction.yaml_files import load_yaml
 
 MISSING: Mapping[str, tuple[str, ...]] = {
     "cable_and_asymmetry": ("cable_wrap", "coulomb_asymmetry"),
@@ -43,11 +43,15 @@ def world(name: str, seed: int = 0) -> Trial:  # noqa: ARG001 they are recorded,
     folder = data_folder().parent / "practice" / name
     if not (folder / "axis.yaml").is_file():
         raise InputError(str(folder), "no recording", "axis.yaml, recording and truth.json (TCS_FRICTION_DATA names the folder)")
-    file, truth = load_axis(folder / "axis.yaml"), json.loads((folder / "truth.json").read_text())
+    file = load_axis(folder / "axis.yaml")
+    truth = load_yaml(folder / "truth.json", "the truth of a practice recording")  # JSON is YAML
+    noise = truth.get("torque_noise", 0.0)
+    if not isinstance(noise, float):
+        raise InputError(f"{folder / 'truth.json'}: torque_noise", repr(noise), "a number, N m rms")
     (recording,) = read_recordings([folder / "recording"], file.mapped(folder / "axis.yaml"))
     right = Expected(
         tuple((effect,) for effect in MISSING[name]),
-        noise_floor=float(truth.get("torque_noise", 0.0)),
+        noise_floor=noise,
         tolerated=frozenset({"presliding"} if name == "law" else ()),  # damping of the bristles is missing, too
         outside=name in OUTSIDE,
     )
