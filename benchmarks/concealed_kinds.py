@@ -19,20 +19,23 @@ OWN, ALL = "own", "all"
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of worlds: the names of all its worlds, and the world of a name and a seed. drawn: not, where it is recorded."""
+    """A kind of worlds: the names of all its worlds, and the world of a name and a seed.
+
+    recorded: where they are recorded and not drawn, the folder of each; InputError where it is missing.
+    """
 
     names: Callable[[], list[str]]
     world: Callable[[str, int], Trial]
-    drawn: bool = True
+    recorded: Callable[[str], Path] | None = None
 
 
 KINDS: Mapping[str, Kind] = {
     "mujoco": Kind(mujoco_worlds.names, mujoco_worlds.world),
     "misspecified": Kind(misspecified_worlds.names, misspecified_worlds.world),
     "laws": Kind(law_worlds.names, law_worlds.world),
-    "practice": Kind(practice_worlds.names, practice_worlds.world, drawn=False),
+    "practice": Kind(practice_worlds.names, practice_worlds.world, practice_worlds.folder_of),
 }
-DRAWN = [OWN, *(name for name, kind in KINDS.items() if kind.drawn)]
+DRAWN = [OWN, *(name for name, kind in KINDS.items() if kind.recorded is None)]
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,12 @@ class Task:
 
 
 def tasks_of(kind: str, seed: int, only: str | None) -> list[Task]:
-    """The worlds of that kind, or the one of that name."""
-    return [Task(kind, name, seed) for name in KINDS[kind].names() if only in (None, name)]
+    """The worlds of that kind, or the one of that name. InputError where one is recorded and missing."""
+    names = [name for name in KINDS[kind].names() if only in (None, name)]
+    if (recorded := KINDS[kind].recorded) is not None:
+        for name in names:
+            recorded(name)
+    return [Task(kind, name, seed) for name in names]
 
 
 def solve(task: Task) -> Judged:

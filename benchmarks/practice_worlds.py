@@ -7,6 +7,7 @@ TCS_FRICTION_DATA names, or of ../shared. Some truths are sentences only, so wha
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from benchmarks.concealed_score import Expected
 from benchmarks.hardware import data_folder
@@ -38,11 +39,17 @@ def names() -> list[str]:
     return list(MISSING)
 
 
-def world(name: str, seed: int = 0) -> Trial:  # noqa: ARG001 they are recorded, not drawn
-    """The recording of that name. InputError where it is missing."""
+def folder_of(name: str) -> Path:
+    """Where the recording of that name is. InputError where it is missing."""
     folder = data_folder().parent / "practice" / name
     if not (folder / "axis.yaml").is_file():
         raise InputError(str(folder), "no recording", "axis.yaml, recording and truth.json (TCS_FRICTION_DATA names the folder)")
+    return folder
+
+
+def world(name: str, seed: int = 0) -> Trial:  # noqa: ARG001 they are recorded, not drawn
+    """The recording of that name. InputError where it is missing or cannot be read."""
+    folder = folder_of(name)
     file = load_axis(folder / "axis.yaml")
     truth = load_yaml(folder / "truth.json", "the truth of a practice recording")  # JSON is YAML
     noise = truth.get("torque_noise", 0.0)

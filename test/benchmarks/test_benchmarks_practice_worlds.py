@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.concealed_kinds import DRAWN, KINDS
+from benchmarks.concealed_kinds import DRAWN, KINDS, tasks_of
 from benchmarks.practice_worlds import MISSING, OUTSIDE, names, world
 from tcs_friction.errors import InputError
 
@@ -35,8 +35,9 @@ def test_a_recording_is_a_world(shared_data: Path) -> None:
 
 def test_a_recording_that_is_missing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TCS_FRICTION_DATA", str(tmp_path))
-    with pytest.raises(InputError, match=r"practice/law: no recording, expected axis\.yaml, recording and truth\.json"):
-        world("law")
+    for asked in (world, lambda name: tasks_of("practice", 0, name)):  # the second before any process is started
+        with pytest.raises(InputError, match=r"practice/law: no recording, expected axis\.yaml, recording and truth\.json"):
+            asked("law")
 
 
 @pytest.mark.parametrize(
