@@ -83,6 +83,22 @@ def test_gravity_beside_a_spring_that_does_as_much_alone_is_its_neutral_place() 
     assert joined.values["neutral"] == pytest.approx(REST, abs=0.05)
 
 
+def test_gravity_and_a_constant_torque_that_do_what_a_spring_does_are_one() -> None:
+    data = conditioned(np.random.default_rng(11), lambda m: STIFFNESS * (m.q - REST), SECONDS)
+    balance, fit = fitted_with(data, item("imbalance", amplitude=1.0, phase=1.0), item("torque_bias", bias=-STIFFNESS * REST))
+    (joined,) = with_offsets_joined(balance, fit, axis()).axis.effects
+    assert joined.term.id == "cable_wrap"
+    assert joined.values["neutral"] == pytest.approx(REST, abs=0.05)
+    barred = with_offsets_joined(balance, fit, axis(), frozenset({"cable_wrap"}))
+    assert [one.term.id for one in barred.axis.effects] == ["imbalance", "torque_bias"]
+
+
+def test_gravity_and_a_constant_torque_that_are_there_stay() -> None:
+    data = conditioned(np.random.default_rng(11), lambda m: 30.0 * np.sin(m.q + 1.0) + 5.0, SECONDS)
+    balance, fit = fitted_with(data, item("imbalance", amplitude=30.0, phase=1.0), item("torque_bias", bias=5.0))
+    assert len(with_offsets_joined(balance, fit, axis()).axis.effects) == 2
+
+
 def test_gravity_that_is_there_beside_a_spring_stays() -> None:
     data = conditioned(np.random.default_rng(11), lambda m: STIFFNESS * m.q + 30.0 * np.sin(m.q + 1.0), SECONDS)
     balance, fit = fitted_with(data, item("cable_wrap", stiffness=STIFFNESS), item("imbalance", amplitude=30.0, phase=1.0))
@@ -157,6 +173,15 @@ def test_what_begins_while_the_axis_turns_back_is_no_load_step(time: float, expe
     balance, fit = settled(conditioned(np.random.default_rng(5), seconds=100.0))
     step = item("load_step", step=4.0, time=time)
     assert [round(begin, 1) for begin, _ in turns(balance.data, 0.0)] == [45.2, 78.8]
+    assert doubt(balance, unfitted(balance, fit.axis.with_effect(step), fit.noise), step, fit.axis) is expected
+
+
+@pytest.mark.parametrize(("number", "expected"), [(0, Doubt.IMPLAUSIBLE), (1, None), (-1, Doubt.IMPLAUSIBLE)])
+def test_a_step_at_a_turn_is_told_from_friction_where_the_axis_turns_before_and_after(number: int, expected: Doubt | None) -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(5), seconds=150.0))
+    begins = [begin for begin, _ in turns(balance.data, 0.0)]
+    assert len(begins) > 2
+    step = item("load_step", step=4.0, time=begins[number] + 0.01)
     assert doubt(balance, unfitted(balance, fit.axis.with_effect(step), fit.noise), step, fit.axis) is expected
 
 

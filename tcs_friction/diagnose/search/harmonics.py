@@ -26,6 +26,7 @@ from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Role
 
 MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is its harmonic: a square wave's third has 1/3
@@ -49,24 +50,27 @@ def with_harmonics_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
     return fit
 
 
-def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis) -> Fit:
-    """The fit in which a term that has a neutral place does what it did together with another torque, if it explains as much.
+def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis, excluded: frozenset[str] = frozenset()) -> Fit:
+    """The fit in which a spring that rests elsewhere does what two torques over the position did, if it explains as much.
 
-    A constant torque beside a spring is that place. Gravity beside a spring over a part of a turn may be, too. `base`: the axis
-    whose effects stay as they are.
+    A constant torque beside a spring is its neutral place. Gravity beside a spring, or beside a constant torque, over a part of a
+    turn may be a spring's, too. `base`: the axis whose effects stay as they are. `excluded`: ids of effects that the data cannot
+    carry.
     """
-    added = added_effects(fit.axis, base)
-    for one, other in itertools.permutations(added, 2):
-        if not (one.term.neutral and _shapeless(other)):
+    springs = [term for term in effects().values() if term.neutral and term.id not in excluded]
+    for one, other in itertools.combinations(added_effects(fit.axis, base), 2):
+        held = [item for item in (one, other) if item.term.neutral]
+        if len(held) == 2 or not all(item.term.neutral or _shapeless(item) for item in (one, other)):
             continue
         fewer = fit.axis.without_effect(one).without_effect(other)
         bare = fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
-        resting = [s for s in starts(ProjectedResidual(balance, bare), one.term, one.signal) if _rests(s.instance)]
-        for start in resting[:1]:
-            trial = settle(balance, bare.axis.with_effect(start.instance), fit.noise, rounds=1)
-            lost = trial.squares - balance.squares(fit.axis, trial.noise)
-            if lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise)):
-                return with_offsets_joined(balance, trial, base)
+        for term in [held[0].term] if held else springs:
+            resting = [s for s in starts(ProjectedResidual(balance, bare), term, None) if _rests(s.instance)]
+            for start in resting[:1]:
+                trial = settle(balance, bare.axis.with_effect(start.instance), fit.noise, rounds=1)
+                lost = trial.squares - balance.squares(fit.axis, trial.noise)
+                if lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise)):
+                    return with_offsets_joined(balance, trial, base, excluded)
     return fit
 
 

@@ -119,7 +119,7 @@ def select_effects(
         fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
         fit = _placed_again(balance, fit, added_effects(fit.axis, retuned.axis))
         fit = with_harmonics_joined(balance, fit, retuned.axis)
-        fit = with_offsets_joined(balance, fit, retuned.axis)
+        fit = with_offsets_joined(balance, fit, retuned.axis, excluded)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         fit = pruned(balance, fit, base, alternatives)
         if _only_lost(before.axis, fit.axis):
