@@ -177,7 +177,7 @@ def test_what_begins_while_the_axis_turns_back_is_no_load_step(time: float, expe
 
 
 @pytest.mark.parametrize(("number", "expected"), [(0, Doubt.IMPLAUSIBLE), (1, None), (-1, Doubt.IMPLAUSIBLE)])
-def test_a_step_at_a_turn_is_told_from_friction_where_the_axis_turns_before_and_after(number: int, expected: Doubt | None) -> None:
+def test_a_step_at_a_turn_is_told_from_friction_where_others_come_before_and_after(number: int, expected: Doubt | None) -> None:
     balance, fit = settled(conditioned(np.random.default_rng(5), seconds=150.0))
     begins = [begin for begin, _ in turns(balance.data, 0.0)]
     assert len(begins) > 2
