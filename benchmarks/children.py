@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from typing import Any
 
 
 @contextmanager
@@ -29,3 +31,13 @@ def ended_with_this() -> Iterator[None]:
         for child in multiprocessing.active_children():
             child.kill()
         raise
+
+
+def begun(pool: ProcessPoolExecutor, work: Callable[[Any], Any], tasks: Sequence[Any]) -> tuple[Iterator[Any], int]:
+    """The results to come, and how many.
+
+    Nothing is cancelled, as `pool.map` would: of a killed worker's cancelled tasks the pool prints a traceback.
+    """
+    with deaf():
+        futures = [pool.submit(work, task) for task in tasks]
+    return (future.result() for future in futures), len(tasks)

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.children import deaf, ended_with_this
+from benchmarks.children import begun, ended_with_this
 from benchmarks.concealed_baselines import baselines
 from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, world_of
 from benchmarks.concealed_effects import OUTSIDE
@@ -112,16 +112,16 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool, ended_with_this():
         if arguments.limits is not None and arguments.only is None:
             tasks = [(name, arguments.seed, arguments.stretch) for name in arguments.limits or LIMITED]
-            return limit_rows(list(_watched(_begun(pool, limits_of, tasks))))
+            return limit_rows(list(_watched(begun(pool, limits_of, tasks))))
         found: list[dict[str, Any]] = []
         judged: list[Judged] = []
         for kind in kinds:
             work = _work(kind, arguments)
             if arguments.save is not None:
-                written = sum(_watched(_begun(pool, partial(save_world, folder=arguments.save), work)))
+                written = sum(_watched(begun(pool, partial(save_world, folder=arguments.save), work)))
                 found.append(row(f"{kind} worlds written to {arguments.save}", float(written)))
                 continue
-            results = list(_watched(_begun(pool, solve, work)))
+            results = list(_watched(begun(pool, solve, work)))
             outcomes = [result for result in results if isinstance(result, Outcome)]
             of_kind = [result.judged if isinstance(result, Outcome) else result for result in results]
             found += (rows(outcomes) if outcomes else []) + (summary(kind, of_kind) if of_kind else [])
@@ -149,14 +149,6 @@ def _work(kind: str, arguments: argparse.Namespace) -> list[Case | Task]:
         return work
     kept = np.random.default_rng(arguments.seed).choice(len(work), arguments.count, replace=False)
     return [work[i] for i in sorted(kept)]
-
-
-def _begun(
-    pool: ProcessPoolExecutor, work: Callable[[Any], Any], tasks: Sequence[Any]
-) -> tuple[Iterator[Any], int]:
-    """The results to come, and how many. The workers leave Ctrl-C to this process."""
-    with deaf():
-        return pool.map(work, tasks), len(tasks)
 
 
 def _watched(begun: tuple[Iterator[Any], int]) -> Iterable[Any]:

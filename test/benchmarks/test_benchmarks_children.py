@@ -48,3 +48,29 @@ def test_an_interrupted_parent_does_not_wait() -> None:
     child.join()
     assert child.exitcode == -signal.SIGKILL
     assert time.monotonic() - begin < 50.0
+
+
+FAILING = """
+import multiprocessing, probe
+from concurrent.futures import ProcessPoolExecutor
+from benchmarks.children import begun, ended_with_this
+if __name__ == "__main__":
+    for _ in range(5):
+        try:
+            with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool, ended_with_this():
+                results, count = begun(pool, probe.work, range(100))
+                list(results)
+        except ValueError as error:
+            print(count, error)
+"""
+WORK = "import time\n\ndef work(k):\n    time.sleep(0.02)\n    if k == 3:\n        raise ValueError('in a worker')\n"
+
+
+def test_an_error_in_a_worker_ends_all_of_them_without_words_of_the_pool(tmp_path: Path) -> None:
+    (tmp_path / "probe.py").write_text(WORK)
+    (tmp_path / "failing.py").write_text(FAILING)
+    variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    command = [sys.executable, str(tmp_path / "failing.py")]
+    done = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == 5 * "100 in a worker\n"
+    assert done.stderr == ""
