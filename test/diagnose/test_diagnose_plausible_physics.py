@@ -99,6 +99,13 @@ def test_gravity_and_a_constant_torque_that_are_there_stay() -> None:
     assert len(with_offsets_joined(balance, fit, axis()).axis.effects) == 2
 
 
+def test_gravity_beside_a_constant_torque_is_no_spring_that_rests_out_of_reach() -> None:
+    """What cannot be a spring would be dropped again, and gravity with it."""
+    data = conditioned(np.random.default_rng(11), lambda m: 60.0 * np.sin(m.q + 0.7), SECONDS, speed=0.09)
+    balance, fit = fitted_with(data, item("imbalance", amplitude=50.0, phase=0.7), item("torque_bias", bias=5.0))
+    assert len(with_offsets_joined(balance, fit, axis()).axis.effects) == 2
+
+
 def test_gravity_that_is_there_beside_a_spring_stays() -> None:
     data = conditioned(np.random.default_rng(11), lambda m: STIFFNESS * m.q + 30.0 * np.sin(m.q + 1.0), SECONDS)
     balance, fit = fitted_with(data, item("cable_wrap", stiffness=STIFFNESS), item("imbalance", amplitude=30.0, phase=1.0))

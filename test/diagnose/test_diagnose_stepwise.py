@@ -9,7 +9,8 @@ import pytest
 from concealed_torque_cases import DT, Motion, Torque, axis, conditioned, selected, settled, unfitted
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, least_squares, settle
+from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, fit_without, least_squares, settle
+from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search import stepwise
 from tcs_friction.diagnose.search.start import Start
 from tcs_friction.diagnose.search.stepwise import (
@@ -91,6 +92,25 @@ def test_what_an_impossible_effect_leaves_behind_must_earn_its_place() -> None:
         assert [item.term.id for item in pruned(balance, impossible, fit).axis.effects] == kept
 
 
+@pytest.mark.parametrize(("coefficient", "kept"), [(0.0, ["imbalance"]), (0.2, ["imbalance", "load_dependent_friction"])])
+def test_friction_that_follows_the_load_by_its_noise_alone_is_dropped(coefficient: float, kept: list[str]) -> None:
+    """Fitted to the logged torque it takes a share of that noise away: a gain of a thousand where there is no such friction."""
+
+    def hidden(m: Motion) -> np.ndarray:
+        gravity = 60.0 * np.sin(m.q + 0.7)
+        load = 900.0 * np.gradient(m.v, DT) + gravity + 60.0 * np.sign(m.v) + 500.0 * m.v
+        return gravity + coefficient / (1.0 - coefficient) * np.abs(load) * np.sign(m.v)
+
+    balance = TorqueBalance(conditioned(np.random.default_rng(3), hidden, 120.0))
+    retuned = settle(balance, axis(), white_noise(balance.samples))
+    gravity = instance(effect("imbalance"), {"amplitude": 60.0, "phase": 0.7})
+    base = settle(balance, axis().with_effect(gravity), white_noise(balance.samples))
+    loaded = base.axis.with_effect(instance(effect("load_dependent_friction"), {"coefficient": 0.02}))
+    fit = fit_jointly(balance, loaded, base.noise, iterations=10)
+    assert base.squares - fit.squares > 1000.0
+    assert [item.term.id for item in pruned(balance, fit, retuned).axis.effects] == kept
+
+
 @pytest.mark.parametrize(("torque", "found"), [(bump, ["local_friction_bump"]), (push_and_pull, [])])
 def test_a_place_passed_once_is_named_only_if_it_accounts_for_all_that_was_there(
     torque: Torque, found: list[str]
@@ -126,6 +146,23 @@ def test_what_is_pruned_again_leaves_its_place_to_the_next(monkeypatch: pytest.M
     selection = selected(balance, frozenset(effects()) - {"load_step", "torque_bias"})
     assert [item.term.id for item in selection.found] == ["load_step"]
     assert any("torque_bias" in {kind.effect for kind in c.kinds} for c in selection.rounds[0])
+
+
+def test_of_two_effects_of_which_one_is_dropped_at_once_the_other_is_found_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The one that was dropped may have led the other astray."""
+
+    def without_drag(balance: TorqueBalance, fit: Fit, *_: object) -> Fit:
+        for item in fit.axis.effects:
+            if item.term.id == "quadratic_drag":
+                fit = fit_without(balance, fit, item)
+        return fit
+
+    monkeypatch.setattr(stepwise, "pruned", without_drag)
+    data = conditioned(np.random.default_rng(7), lambda m: 300.0 * m.v * np.abs(m.v) + 9.0 * np.sin(m.q), seconds=60.0)
+    selection = selected(TorqueBalance(data), frozenset(effects()) - {"quadratic_drag", "imbalance"})
+    best = [{kind.effect for kind in candidates[0].kinds} for candidates in selection.rounds[:2]]
+    assert best == [{"quadratic_drag", "imbalance"}, {"imbalance"}]
+    assert [item.term.id for item in selection.found] == ["imbalance"]
 
 
 def test_what_takes_an_earlier_effect_with_it_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,7 +117,8 @@ def _candidate(
     items = candidate.items
     terms = [item.term for item in items]
     limit = threshold(balance, terms, start.count, start.alternatives)
-    gain = squares_gained(balance, base, fit, items) / dispersion / start.noise_excess
+    from_noise = sum(gains_of_load(balance, fit, item)[1] for item in items if follows_load(item.term))
+    gain = (squares_gained(balance, base, fit, items) - from_noise) / dispersion / start.noise_excess
     if any(doubt(balance, fit, item, base.axis) is not None for item in items):
         gain = 0.0
     elif any(map(feeds_on_noise, terms)):
@@ -137,6 +138,17 @@ def squares_gained(balance: TorqueBalance, base: Fit, fit: Fit, items: Sequence[
     before, after = (noise.spectrum(balance.residual(x.axis, noise)) for x in (base, fit))
     shows = noise.encoder_share_at(noise.samples.frequencies) < MOSTLY_ENCODER
     return float(np.sum((before - after)[shows]))
+
+
+def gains_of_load(balance: TorqueBalance, fit: Fit, item: Instance) -> tuple[float, float]:
+    """Squares that friction following the load gains with the load taken from the motion, and what it gains beside them.
+
+    That is noise of the logged torque, of which it takes a share away.
+    """
+    others = ProjectedResidual(balance, taken_out(balance, fit, item))
+    white = fit.noise.whiten(balance.residual(fit.axis, fit.noise))
+    by_motion = gain_by_load_from_motion(others, item)
+    return by_motion, max(others.squares - float(white @ white) - by_motion, 0.0)
 
 
 def _gains_apart_from_noise(
@@ -160,9 +172,7 @@ def _gains_apart_from_noise(
         yield _gain_of_torque(balance, base, fit), needed
     for item in items:
         if follows_load(item.term):
-            others = taken_out(balance, fit, item)
-            by_motion = gain_by_load_from_motion(ProjectedResidual(balance, others), item)
-            yield by_motion, threshold(balance, [item.term], 1)
+            yield gains_of_load(balance, fit, item)[0], threshold(balance, [item.term], 1)
         if follows_load(item.term) or item.term.filters:
             yield _gain_where_driven(balance, base, fit, item), needed
 

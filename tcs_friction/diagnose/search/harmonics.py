@@ -23,6 +23,7 @@ from tcs_friction.diagnose.fit.joint_fit import (
 from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
+from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
 from tcs_friction.physics.axis import Axis
@@ -69,7 +70,8 @@ def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis, excluded: 
             for start in resting[:1]:
                 trial = settle(balance, bare.axis.with_effect(start.instance), fit.noise, rounds=1)
                 lost = trial.squares - balance.squares(fit.axis, trial.noise)
-                if lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise)):
+                as_much = lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise))
+                if as_much and doubt(balance, trial, trial.axis.effects[-1], bare.axis) is None:
                     return with_offsets_joined(balance, trial, base, excluded)
     return fit
 

@@ -28,7 +28,12 @@ from tcs_friction.diagnose.fit.joint_fit import (
 )
 from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
-from tcs_friction.diagnose.search.candidates import SPECTRUM_NEIGHBOURS, Candidate, fitted_candidates
+from tcs_friction.diagnose.search.candidates import (
+    SPECTRUM_NEIGHBOURS,
+    Candidate,
+    fitted_candidates,
+    gains_of_load,
+)
 from tcs_friction.diagnose.search.cross_validation import with_best_confirmed
 from tcs_friction.diagnose.search.harmonics import added_effects, with_harmonics_joined, with_offsets_joined
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, refined, starts
@@ -49,7 +54,7 @@ from tcs_friction.diagnose.search.significance import (
     imperfection,
     threshold,
 )
-from tcs_friction.diagnose.search.start import Kind, Start, judged_linear, kind_of
+from tcs_friction.diagnose.search.start import Kind, Start, follows_load, judged_linear, kind_of
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Term
@@ -121,8 +126,9 @@ def select_effects(
         fit = with_harmonics_joined(balance, fit, retuned.axis)
         fit = with_offsets_joined(balance, fit, retuned.axis, excluded)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
-        fit = pruned(balance, fit, base, alternatives)
-        if _only_lost(before.axis, fit.axis):
+        kept = pruned(balance, fit, base, alternatives)
+        dropped, fit = added_effects(fit.axis, kept.axis), kept
+        if _only_lost(before.axis, fit.axis) or _among(dropped, best.items):
             refused.add(_kinds(best.fit.axis))
             fit = before
             continue
@@ -143,6 +149,11 @@ def _kinds(axis: Axis) -> frozenset[tuple[Kind, float]]:
 def _only_lost(before: Axis, after: Axis) -> bool:
     """Whether an axis has fewer effects than before and no new one: what was added was dropped, and took others with it."""
     return Counter(map(kind_of, after.effects)) < Counter(map(kind_of, before.effects))
+
+
+def _among(dropped: Sequence[Instance], added: Sequence[Instance]) -> bool:
+    """Whether one of the effects that were just added was dropped at once: of two, the other is better found alone."""
+    return not {item.identity for item in dropped}.isdisjoint(item.identity for item in added)
 
 
 def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Sequence[Candidate]) -> Candidate | None:
@@ -295,6 +306,8 @@ def pruned(
             limit = threshold(balance, [item.term], fit.numbers_of(item), alternatives.get(kind_of(item), 1.0))
             loss = (alone.squares - fit.squares) / fit.squares.dispersion
             margin = loss - max(limit, imperfection(retuned, alone, balance))
+            if follows_load(item.term):  # noise of the logged torque is no loss, and the noise estimate has followed it
+                margin = min(margin, gains_of_load(balance, fit, item)[0] / fit.squares.dispersion - limit)
             margins.append((doubt(balance, fit, item, fit.axis) is None, margin))
         worst = min(range(len(items)), key=lambda k: margins[k])
         if margins[worst] > (True, 0.0):
