@@ -16,7 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, optimize
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.noise import NoiseModel
@@ -30,7 +30,7 @@ NEIGHBOURHOOD = 2.0  # Hz, over which a local excess of the noise is estimated
 FEWEST_NEIGHBOURS = 101  # grid points of that estimate, so that no single line is its median
 FEWEST_PERIODS = 5.0  # of a wave in time: fewer do not show that it repeats
 ONE_WAVE = 0.5  # periods over the recording, by which the phases of one and the same wave part at most
-STRONG_LINE = 2.0  # times the noise estimate; a line there may be the cause of what is beside it
+PLACED = 0.01  # steps of a spectrum's grid, to which a strong line is placed: a ten-thousandth of its power stays
 SPEED_BINS = 80  # logarithmic, of the speeds at which a wave was passed
 NORM_POINTS = 400  # logarithmic, at which the norm is computed; it is smooth over the order
 LEAST_NORM = 1e-3  # of the largest norm: orders that the whitening removes are not divided by nothing
@@ -199,14 +199,21 @@ def noise_excess(
     A noise spectrum that is too smooth for a narrow resonance of the noise shows here, and a wave that is none over time. So
     would a strong line, which the gaps of held-out data spread over its neighbourhood: the strongest is taken out first.
     """
-    found = _excess(grid, gain)
     strongest = int(np.argmax(gain))
-    if found[strongest] < STRONG_LINE:
-        return found
-    line = projected.columns(probes(term, {term.order.name: float(grid[strongest])}, None))
-    line = np.linalg.qr(line)[0]
+    line = np.linalg.qr(_line(projected, term, float(grid[strongest]), float(grid[1] - grid[0])))[0]
     rest = projected.noise.unwhiten(projected.white - line @ (line.T @ projected.white))
     return _excess(grid, _time_spectrum(projected.balance, projected.noise, rest, view)[1])
+
+
+def _line(projected: ProjectedResidual, term: Term, frequency: float, step: float) -> np.ndarray:
+    """Projected columns (m, 2) of the wave that takes away most, within a step of a frequency: beside it, a strong one stays."""
+
+    def columns(at: float) -> np.ndarray:
+        return projected.columns(probes(term, {term.order.name: at}, None))
+
+    bounds, exactly = (frequency - step, frequency + step), {"xatol": PLACED * step}
+    found = optimize.minimize_scalar(lambda at: -projected.gain(columns(at))[0], bounds=bounds, options=exactly)
+    return columns(float(found.x))
 
 
 def _excess(grid: np.ndarray, gain: np.ndarray) -> np.ndarray:

@@ -40,7 +40,8 @@ from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_beh
 from tcs_friction.diagnose.search.waves import wave_start
 from tcs_friction.physics.terms import Instance, Need, Place, Term
 
-FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
+FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say,
+# and no more than all that is left
 MOST_RIVALS = 6
 NEARLY = 0.9  # of an effect's gain, from which a rival that does better in a piece of the data is as good
 
@@ -119,8 +120,9 @@ def contest_for_place(
     rivals += _of_the_same_order(balance, alone, item, dispersion)
     rivals.sort(key=lambda rival: -rival.score)
     count = fit.numbers_of(item)
-    tie = max(DISTINGUISHABLE * misfit(balance, balance.residual(fit.axis, fit.noise)), IMPERFECT * gain)
-    same = max(tie, FEEDBACK_SHARE * gain)
+    all_noise = balance.samples.effective_count
+    tie = max(DISTINGUISHABLE * misfit(balance, balance.residual(fit.axis, fit.noise)), min(IMPERFECT * gain, all_noise))
+    same = max(tie, min(FEEDBACK_SHARE * gain, all_noise))
     better = [rival for rival in rivals[:1] if rival.score > gain - threshold(balance, [item.term], count) + same]
     better += [r for r in rivals if r.items[0].signal and r.start.count < count and r.gain > gain - tie]
     for winner in better[:1]:
@@ -144,7 +146,8 @@ def _tied(
     Those explain nearly as much, and in some piece of the data more than noise allows; or they are waves of its order, and
     explain more beside it than it has ahead of them. Were the effect true and all else right, that would be chance. Over a short
     travel gravity is a slope over the position, and so is a spring, and where more than noise is left, what else is wrong bends
-    the one or the other: one that explains nearly as much is as good.
+    the one or the other: one that explains nearly as much is as good. What is wrong is no more than all that is left: no rival
+    that would leave twice as much is tied.
     """
     used = np.unique(balance.samples.pieces[balance.samples.rows])
     # Were the fit true, a rival whose torque differs by d standard deviations of the noise would lose d^2 + 2 d e in a piece,
@@ -165,7 +168,8 @@ def _tied(
 
     bent = item.term.slow_over_position and misfit(balance, balance.residual(fit.axis, fit.noise)) >= NO_NOISE**2
     sloping = bent or _is_slope(balance, fit, item)
-    as_good = [rival for rival in _near(rivals, gain) if gains_somewhere(rival) or (sloping and _is_slow(rival))]
+    near = [rival for rival in _near(rivals, gain) if gain - rival.gain < balance.samples.effective_count]
+    as_good = [rival for rival in near if gains_somewhere(rival) or (sloping and _is_slow(rival))]
     return (*as_good, *(rival for rival in alike if gains_beside(rival)))
 
 
