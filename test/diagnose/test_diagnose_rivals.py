@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import open_loop_cases
 import pytest
+from closed_loop_cases import telescope
 from concealed_torque_cases import Motion, Torque, conditioned, settled, unfitted
 from open_loop_cases import recorded
 
@@ -188,6 +189,18 @@ def test_gravity_is_equivalent_to_friction_over_the_position_where_the_axis_move
     friction = Kind("position_dependent_friction")
     assert friction in equivalents_over(GRAVITY, lambda m: 0.8 * m.t + 0.3 * np.sin(0.7 * m.t), gravity)
     assert friction not in equivalents_over(GRAVITY, to_and_fro(20.0), gravity)
+
+
+def test_a_spring_is_a_rival_of_gravity_also_where_no_round_of_the_search_brought_it() -> None:
+    """The law goes astray without the torque, and a rival that starts from there is worth less than nothing."""
+    hose = instance(effect("cable_hysteresis"), {"amplitude": 3.7, "width": 0.05})
+    cable = instance(effect("cable_wrap"), {"stiffness": 40.0})
+    recording, plant = telescope(0.3, 0.01, effects=(cable, hose), duration=120.0)
+    balance = TorqueBalance(prepare([recording]), plant.actuation_delay)
+    gravity = instance(effect("imbalance"), {"amplitude": 40.0, "phase": 0.0})
+    fit = settle(balance, replace(plant, effects=(gravity, hose)), white_noise(balance.samples))
+    _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
+    assert [kind for rival in contest.equivalent for kind in rival.kinds] == [Kind("cable_wrap")]
 
 
 def two_signals() -> DataSet:

@@ -104,10 +104,15 @@ def fit_timing(
 
 
 def fit_untimed(
-    balance: TorqueBalance, axis: Axis, noise: NoiseModel, iterations: int, tolerance: float = 1.0
+    balance: TorqueBalance,
+    axis: Axis,
+    noise: NoiseModel,
+    iterations: int,
+    tolerance: float = 1.0,
+    free: Sequence[FreeNumber] | None = None,
 ) -> Fit:
-    """Joint fit of everything but what times the torque, and what it jumps with."""
-    free = balance.free(axis)
+    """Joint fit of everything, or of some free numbers, but what times the torque, and what it jumps with."""
+    free = balance.free(axis) if free is None else free
     held = times_torque(axis, free) | np.array([jumps(axis, number) for number in free], bool)
     return least_squares(balance, axis, free, noise, prior(free), iterations, tolerance, held)
 

@@ -21,8 +21,9 @@ from scipy import stats
 
 from tcs_friction.diagnose.dataset.excitation import lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance
-from tcs_friction.diagnose.fit.joint_fit import Fit, fit_without, settle
+from tcs_friction.diagnose.fit.joint_fit import Fit, fit_untimed, fit_without, settle, taken_out
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, misfit
+from tcs_friction.diagnose.fit.parameters import FreeNumber
 from tcs_friction.diagnose.search.candidates import (
     STILL_WINNING,
     Candidate,
@@ -32,7 +33,7 @@ from tcs_friction.diagnose.search.candidates import (
 from tcs_friction.diagnose.search.cross_validation import squares_as_fitted, with_best_confirmed
 from tcs_friction.diagnose.search.hypotheses import eligible, starts
 from tcs_friction.diagnose.search.matched_filter import in_step
-from tcs_friction.diagnose.search.plausibility import doubtful_size
+from tcs_friction.diagnose.search.plausibility import doubt, doubtful_size
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, ODDS, threshold
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
@@ -43,6 +44,7 @@ from tcs_friction.physics.terms import Instance, Need, Place, Term
 FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say,
 # and no more than all that is left
 MOST_RIVALS = 6
+IN_PLACE_ITERATIONS = 6  # of a rival's joint fit from the numbers beside the effect, which are nearly right
 NEARLY = 0.9  # of an effect's gain, from which a rival that does better in a piece of the data is as good
 
 
@@ -117,7 +119,7 @@ def contest_for_place(
     rivals = [  # the effect in place had its own confirmation: gains are compared as fitted
         replace(c, gain=gains[id(c.fit)]) if c.gain > STILL_WINNING * gains[id(c.fit)] else c for c in confirmed
     ]
-    rivals += _of_the_same_order(balance, alone, item, dispersion)
+    rivals = _with_better(rivals, _in_place(balance, fit, item, alone, dispersion))
     rivals.sort(key=lambda rival: -rival.score)
     count = fit.numbers_of(item)
     all_noise = balance.samples.effective_count
@@ -130,7 +132,7 @@ def contest_for_place(
         (placed,) = (x for x in settled.axis.effects if x.identity == winner.items[0].identity)
         if doubtful_size(balance, settled, placed) is None:
             others = [rival for rival in rivals if rival is not winner]
-            others += _of_the_same_order(balance, alone, placed, dispersion)
+            others = _with_better(others, _in_place(balance, settled, placed, alone, dispersion))
             others.sort(key=lambda rival: -rival.score)
             tied = _tied(balance, winner.fit, winner.items[0], winner.gain, others)
             return settled, Contest(placed.identity, kind_of(placed), alone, winner.gain, same, tuple(others), tied)
@@ -216,24 +218,55 @@ def _is_slope(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     return item.term.slow_over_position and Need.TRAVEL in lacking(balance.data, fit.axis)
 
 
-def _of_the_same_order(balance: TorqueBalance, alone: Fit, item: Instance, dispersion: float) -> list[Candidate]:
-    """Other effects that are waves over the position with an effect's order, or the whole number next to it if they need one.
+def _in_place(
+    balance: TorqueBalance, fit: Fit, item: Instance, alone: Fit, dispersion: float
+) -> list[Candidate]:
+    """Effects that act as one does, each fitted in its place from the fit's own numbers. alone: the fit without it.
 
-    In steady motion one way a torque, a friction and a gain of the drive with the same wave do nearly the same.
+    They are waves over the position with its order, or the whole number next to it if they need one: in steady motion one way a
+    torque, a friction and a gain of the drive with the same wave do nearly the same. Or they are slow torques over the position
+    like it. Without the effect the friction law may go astray to stand in for it, and few steps do not lead it back.
     """
-    if item.term.periodic != "position":
-        return []
-    projected, result = ProjectedResidual(balance, alone), []
-    for term, _ in eligible(alone.axis, balance):
-        whole = term.whole and alone.axis.kind == "rotary"
-        order = max(round(item.order), 1) if whole else item.order
-        same = term.periodic == "position" and term is not item.term
-        start = wave_start(projected, term, order, alternatives=1.0) if same else None
+    others, result = ProjectedResidual(balance, taken_out(balance, fit, item)), []
+    for term, signal in eligible(others.axis, balance):
+        start = _acting_as(others, item, term, signal)
         if start is None:
             continue
-        axis = alone.axis.with_effect(start.instance)
-        fit = replace(alone, axis=axis, free=tuple(balance.free(axis)))
-        if doubtful_size(balance, fit, start.instance) is None:
+        axis = others.axis.with_effect(start.instance)
+        free = [number for number in balance.free(axis) if not _is_order(number, start.instance)]
+        trial = fit_untimed(balance, axis, alone.noise, IN_PLACE_ITERATIONS, free=free)
+        (placed,) = (x for x in trial.axis.effects if x.identity == start.instance.identity)
+        questions = doubtful_size(balance, trial, placed) if term.periodic else doubt(balance, trial, placed, others.axis)
+        if questions is None:
+            gain = squares_gained(balance, alone, trial, [placed]) / dispersion
             limit = threshold(balance, [term], start.count)
-            result.append(Candidate(start.gain / dispersion, limit, fit, replace(start, columns=np.empty((0, 0)))))
+            result.append(Candidate(gain, limit, trial, replace(start, columns=np.empty((0, 0)))))
     return result
+
+
+def _is_order(number: FreeNumber, item: Instance) -> bool:
+    """Whether a free number is the order of an effect."""
+    return number.effect == item.identity and item.term.periodic != "" and number.name == item.term.order.name
+
+
+def _with_better(rivals: Sequence[Candidate], placed: Sequence[Candidate]) -> list[Candidate]:
+    """Rivals and those fitted in place; of slow torques over the position each kind once, as it does better."""
+    found = list(rivals)
+    for one in placed:
+        known = None if one.items[0].term.periodic else next((x for x in found if x.kinds == one.kinds), None)
+        if known is None:
+            found.append(one)
+        elif one.gain > known.gain:
+            found[found.index(known)] = one
+    return found
+
+
+def _acting_as(others: ProjectedResidual, item: Instance, term: Term, signal: str | None) -> Start | None:
+    """The start of an effect of a kind that acts as another one does, which was taken out; None of other kinds."""
+    if term is item.term:
+        return None
+    if item.term.periodic == "position" == term.periodic:
+        whole = term.whole and others.axis.kind == "rotary"
+        return wave_start(others, term, max(round(item.order), 1) if whole else item.order, alternatives=1.0)
+    slow = item.term.slow_over_position and term.slow_over_position
+    return next(iter(starts(others, term, signal)), None) if slow else None
