@@ -65,3 +65,9 @@ def test_a_wave_over_time_is_one_over_the_position_where_the_axis_moves_steadily
         assert same_wave(balance, axis(), item, over_time) is same
     ripple = instance(effect("torque_ripple"), {"order": 4.0, "amplitude": 0.01, "phase": 0.0})
     assert not same_wave(balance, axis(), ripple, over_position)
+
+
+def test_a_spectrum_of_one_frequency_has_no_neighbourhood() -> None:
+    balance, fit = settled(conditioned(np.random.default_rng(5), seconds=12.0))
+    projected, view = ProjectedResidual(balance, fit), survey(balance, fit.axis)
+    assert noise_excess(projected, effect("periodic_vibration"), view, np.array([3.0]), np.array([0.1])) == [1.0]

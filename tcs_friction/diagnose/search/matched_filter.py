@@ -199,6 +199,8 @@ def noise_excess(
     A noise spectrum that is too smooth for a narrow resonance of the noise shows here, and a wave that is none over time. So
     would a strong line, which the gaps of held-out data spread over its neighbourhood: the strongest is taken out first.
     """
+    if len(grid) < 2:
+        return _excess(grid, gain)
     strongest = int(np.argmax(gain))
     line = np.linalg.qr(_line(projected, term, float(grid[strongest]), float(grid[1] - grid[0])))[0]
     rest = projected.noise.unwhiten(projected.white - line @ (line.T @ projected.white))
@@ -211,8 +213,10 @@ def _line(projected: ProjectedResidual, term: Term, frequency: float, step: floa
     def columns(at: float) -> np.ndarray:
         return projected.columns(probes(term, {term.order.name: at}, None))
 
-    bounds, exactly = (frequency - step, frequency + step), {"xatol": PLACED * step}
-    found = optimize.minimize_scalar(lambda at: -projected.gain(columns(at))[0], bounds=bounds, options=exactly)
+    within, exactly = (frequency - step, frequency + step), {"xatol": PLACED * step}
+    found = optimize.minimize_scalar(
+        lambda at: -projected.gain(columns(at))[0], bounds=within, method="bounded", options=exactly
+    )
     return columns(float(found.x))
 
 
