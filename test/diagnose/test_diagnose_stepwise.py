@@ -15,6 +15,7 @@ from tcs_friction.diagnose.search import stepwise
 from tcs_friction.diagnose.search.start import Start
 from tcs_friction.diagnose.search.stepwise import (
     _confused_with_collisions,
+    _led_back,
     _placed_again,
     beyond_remaining_spectrum,
     close_behind,
@@ -163,6 +164,17 @@ def test_of_two_effects_of_which_one_is_dropped_at_once_the_other_is_found_alone
     best = [{kind.effect for kind in candidates[0].kinds} for candidates in selection.rounds[:2]]
     assert best == [{"quadratic_drag", "imbalance"}, {"imbalance"}]
     assert [item.term.id for item in selection.found] == ["imbalance"]
+
+
+def test_a_better_place_of_the_same_effects_is_kept_when_what_led_there_is_dropped() -> None:
+    data = conditioned(np.random.default_rng(7), lambda m: 9.0 * np.sin(m.q), seconds=60.0)
+    balance, plain = settled(data)
+    gravity = instance(effect("imbalance"), {"amplitude": 9.0, "phase": 0.0})
+    right = settle(balance, plain.axis.with_effect(gravity), plain.noise, rounds=1)
+    stuck = unfitted(balance, plain.axis.with_effect(gravity.replace(amplitude=6.0)), right.noise)
+    assert _led_back(balance, stuck, right)
+    assert not _led_back(balance, right, stuck), "it does worse"
+    assert not _led_back(balance, plain, right), "it has another effect"
 
 
 def test_what_takes_an_earlier_effect_with_it_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:

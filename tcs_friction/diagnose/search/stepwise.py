@@ -130,7 +130,7 @@ def select_effects(
         dropped, fit = added_effects(fit.axis, kept.axis), kept
         if _only_lost(before.axis, fit.axis) or _among(dropped, best.items):
             refused.add(_kinds(best.fit.axis))
-            fit = before
+            fit = fit if _led_back(balance, before, fit) else before
             continue
         if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
             break
@@ -154,6 +154,12 @@ def _only_lost(before: Axis, after: Axis) -> bool:
 def _among(dropped: Sequence[Instance], added: Sequence[Instance]) -> bool:
     """Whether one of the effects that were just added was dropped at once: of two, the other is better found alone."""
     return not {item.identity for item in dropped}.isdisjoint(item.identity for item in added)
+
+
+def _led_back(balance: TorqueBalance, before: Fit, after: Fit) -> bool:
+    """Whether a fit has the effects of another one and does better: what was added and dropped led their numbers there."""
+    same = _kinds(after.axis) == _kinds(before.axis)
+    return same and balance.squares(before.axis, after.noise) - after.squares > 0.0
 
 
 def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Sequence[Candidate]) -> Candidate | None:
