@@ -21,7 +21,7 @@ from tcs_friction.diagnose.search.plausibility import Doubt, doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.start import Start
 from tcs_friction.physics.registry import effect, effects, law
-from tcs_friction.physics.terms import Instance, instance
+from tcs_friction.physics.terms import Instance, Survey, instance
 
 STIFFNESS, REST = 6.0, 1.3  # N m/rad, rad
 SECONDS = 100.0  # of a world that is fitted
@@ -190,6 +190,19 @@ def test_a_step_at_a_turn_is_told_from_friction_where_others_come_before_and_aft
     assert len(begins) > 2
     step = item("load_step", step=4.0, time=begins[number] + 0.01)
     assert doubt(balance, unfitted(balance, fit.axis.with_effect(step), fit.noise), step, fit.axis) is expected
+
+
+@pytest.mark.parametrize(
+    ("turns", "told"),
+    [
+        ([(10.0, 10.5), (20.0, 20.5), (30.0, 30.5)], True),
+        ([(18.0, 19.0), (20.0, 20.5), (21.5, 22.5)], False),  # as much again belongs to each: it never slides between them
+        ([(20.0, 20.5), (30.0, 30.5)], False),
+    ],
+)
+def test_a_step_at_a_turn_is_told_where_the_axis_slides_both_ways_beside_it(turns: list[tuple[float, float]], told: bool) -> None:
+    view = Survey((0.0, 1.0), 0.01, 0.1, 0.0, 40.0, 50.0, 1e-8, 900.0, 60.0, 0.0, turns=lambda _: turns)
+    assert (effect("load_step").implausible({"step": 1.0, "time": 20.2}, view) == "") is told
 
 
 def test_bristles_of_the_law_set_the_least_width_of_a_cable(quiet: tuple[TorqueBalance, Fit]) -> None:

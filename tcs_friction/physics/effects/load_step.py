@@ -20,16 +20,25 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
 
 
 def implausible(values: Mapping[str, float], survey: Survey) -> str:
-    """What begins while the axis turns back is friction before it is an event, unless both ways are seen before and after it.
+    """What begins while the axis turns back is friction before it is an event, unless it slides both ways before and after it.
 
     A turn lasts until friction is built up the other way; as much again on either side belongs to it, and what the filter blurs.
     A torque keeps its sign when the axis turns back once more, friction does not.
     """
     time, blur = values["time"], BLURRED / survey.cutoff
     turns = [(2.0 * begin - end - blur, 2.0 * end - begin + blur) for begin, end in survey.turns(survey.bristle)]
-    others = [turn for turn in turns if not turn[0] < time < turn[1]]
-    between = any(end <= time for _, end in others) and any(time <= begin for begin, _ in others)
-    return "" if between or len(others) == len(turns) else "the axis turns back at that time"
+    at = [k for k, (begin, end) in enumerate(turns) if begin < time < end]
+    if not at:
+        return ""
+    begins, ends = [begin for begin, _ in turns], [end for _, end in turns]
+    legs = zip([survey.start, *ends], [*begins, survey.start + survey.duration], strict=True)
+    slides = [begin < end for begin, end in legs]  # one way and the other in turn
+
+    def both_ways(some: Sequence[bool]) -> bool:
+        return any(some[::2]) and any(some[1::2])
+
+    told = both_ways(slides[: at[0] + 1]) and both_ways(slides[at[-1] + 1 :])
+    return "" if told else "the axis turns back at that time"
 
 
 def extent(values: Mapping[str, float]) -> tuple[float, float | None]:
