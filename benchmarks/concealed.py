@@ -151,8 +151,8 @@ def _work(kind: str, arguments: argparse.Namespace) -> list[Case | Task]:
     return [work[i] for i in sorted(kept)]
 
 
-def _watched(begun: tuple[Iterator[Any], int]) -> Iterable[Any]:
-    results, count = begun
+def _watched(results_and_count: tuple[Iterator[Any], int]) -> Iterable[Any]:
+    results, count = results_and_count
     for done, result in enumerate(results, 1):
         if sys.stderr.isatty():
             print(f"\r{done}/{count}", end="\n" if done == count else "", file=sys.stderr, flush=True)

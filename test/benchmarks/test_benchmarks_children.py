@@ -27,14 +27,18 @@ if __name__ == "__main__":
 MASK = "import signal\n\ndef mask(send):\n    send.send(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))\n"
 
 
+def ran(folder: Path, program: str, probe: str) -> subprocess.CompletedProcess[str]:
+    """A program that has ended, beside which a module `probe` lies: spawned processes import what they call."""
+    (folder / "probe.py").write_text(probe)
+    (folder / "program.py").write_text(program)
+    variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path])}
+    command = [sys.executable, str(folder / "program.py")]
+    return subprocess.run(command, env=variables, capture_output=True, text=True, timeout=60, check=True)
+
+
 def test_the_first_process_is_deaf_too(tmp_path: Path) -> None:
     """Python's own helper, which is started with it, changes what is blocked."""
-    (tmp_path / "probe.py").write_text(MASK)
-    (tmp_path / "first.py").write_text(FIRST)
-    variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    command = [sys.executable, str(tmp_path / "first.py")]
-    done = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout == "True\n"
+    assert ran(tmp_path, FIRST, MASK).stdout == "True\n"
 
 
 def test_an_interrupted_parent_does_not_wait() -> None:
@@ -67,10 +71,6 @@ WORK = "import time\n\ndef work(k):\n    time.sleep(0.02)\n    if k == 3:\n     
 
 
 def test_an_error_in_a_worker_ends_all_of_them_without_words_of_the_pool(tmp_path: Path) -> None:
-    (tmp_path / "probe.py").write_text(WORK)
-    (tmp_path / "failing.py").write_text(FAILING)
-    variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    command = [sys.executable, str(tmp_path / "failing.py")]
-    done = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=60, check=True)
+    done = ran(tmp_path, FAILING, WORK)
     assert done.stdout == 5 * "100 in a worker\n"
     assert done.stderr == ""

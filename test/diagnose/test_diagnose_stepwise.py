@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -133,16 +134,21 @@ def test_beside_collisions_no_swing_and_no_delay_is_looked_for() -> None:
     }  # fmt: skip
 
 
-def test_what_is_pruned_again_leaves_its_place_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search goes on without a candidate that does not stay, and ends when none is left."""
+def dropping(name: str) -> Callable[..., Fit]:
+    """In place of `pruned`: drops every effect of this name."""
 
-    def without_bias(balance: TorqueBalance, fit: Fit, *_: object) -> Fit:
+    def pruned_of_it(balance: TorqueBalance, fit: Fit, *_: object) -> Fit:
         for item in fit.axis.effects:
-            if item.term.id == "torque_bias":
+            if item.term.id == name:
                 fit = fit_without(balance, fit, item)
         return fit
 
-    monkeypatch.setattr(stepwise, "pruned", without_bias)
+    return pruned_of_it
+
+
+def test_what_is_pruned_again_leaves_its_place_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search goes on without a candidate that does not stay, and ends when none is left."""
+    monkeypatch.setattr(stepwise, "pruned", dropping("torque_bias"))
     balance = TorqueBalance(conditioned(np.random.default_rng(7), lambda m: 1.0 * (m.t > 20.3) + 3.0, seconds=60.0))
     selection = selected(balance, frozenset(effects()) - {"load_step", "torque_bias"})
     assert [item.term.id for item in selection.found] == ["load_step"]
@@ -151,14 +157,7 @@ def test_what_is_pruned_again_leaves_its_place_to_the_next(monkeypatch: pytest.M
 
 def test_of_two_effects_of_which_one_is_dropped_at_once_the_other_is_found_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The one that was dropped may have led the other astray."""
-
-    def without_drag(balance: TorqueBalance, fit: Fit, *_: object) -> Fit:
-        for item in fit.axis.effects:
-            if item.term.id == "quadratic_drag":
-                fit = fit_without(balance, fit, item)
-        return fit
-
-    monkeypatch.setattr(stepwise, "pruned", without_drag)
+    monkeypatch.setattr(stepwise, "pruned", dropping("quadratic_drag"))
     data = conditioned(np.random.default_rng(7), lambda m: 300.0 * m.v * np.abs(m.v) + 9.0 * np.sin(m.q), seconds=60.0)
     selection = selected(TorqueBalance(data), frozenset(effects()) - {"quadratic_drag", "imbalance"})
     best = [{kind.effect for kind in candidates[0].kinds} for candidates in selection.rounds[:2]]

@@ -61,6 +61,10 @@ class FreeNumber:
         """The effect of the axis that the number belongs to, None for other parts."""
         return next((item for item in axis.effects if item.identity == self.effect), None)
 
+    def is_order_of(self, item: Instance) -> bool:
+        """Whether it is the order, or the frequency, of a periodic effect."""
+        return bool(item.term.periodic) and self.effect == item.identity and self.name == item.term.order.name
+
 
 INERTIA = FreeNumber(Part.INERTIA, "inertia", Form.LOGARITHM, RELATIVE_STEP, bounds=(SMALLEST, math.inf))
 

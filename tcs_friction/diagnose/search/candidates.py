@@ -8,7 +8,7 @@ made from logged torque, acceleration or a memory of them gain by that noise; wh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -117,12 +117,13 @@ def _candidate(
     items = candidate.items
     terms = [item.term for item in items]
     limit = threshold(balance, terms, start.count, start.alternatives)
-    from_noise = sum(gains_of_load(balance, fit, item)[1] for item in items if follows_load(item.term))
-    gain = (squares_gained(balance, base, fit, items) - from_noise) / dispersion / start.noise_excess
     if any(doubt(balance, fit, item, base.axis) is not None for item in items):
-        gain = 0.0
-    elif any(map(feeds_on_noise, terms)):
-        shown = _gains_apart_from_noise(balance, items, start, fit, base)
+        return replace(candidate, threshold=limit)
+    loads = {item.identity: gains_of_load(balance, fit, item) for item in items if follows_load(item.term)}
+    from_noise = sum(by_noise for _, by_noise in loads.values())
+    gain = (squares_gained(balance, base, fit, items) - from_noise) / dispersion / start.noise_excess
+    if any(map(feeds_on_noise, terms)):
+        shown = _gains_apart_from_noise(balance, items, start, fit, base, loads)
         gain = min([gain, *(some / dispersion for some, needed in shown if some / dispersion < needed)])
     return replace(candidate, gain=gain, threshold=limit)
 
@@ -152,13 +153,18 @@ def gains_of_load(balance: TorqueBalance, fit: Fit, item: Instance) -> tuple[flo
 
 
 def _gains_apart_from_noise(
-    balance: TorqueBalance, items: Sequence[Instance], start: Start, fit: Fit, base: Fit
+    balance: TorqueBalance,
+    items: Sequence[Instance],
+    start: Start,
+    fit: Fit,
+    base: Fit,
+    loads: Mapping[int, tuple[float, float]],
 ) -> Iterator[tuple[float, float]]:
     """Squares that effects which feed on noise gain where that noise is not, and how many units of it they need there.
 
     What they gain must show in the slow part of the residual; of collisions, beyond what blurred signals explain; of a mode,
     in the torque too; of friction that follows the load, with the load taken from the motion; of that and of filters of the
-    drive, where the torque is driven.
+    drive, where the torque is driven. loads: by identity, what `gains_of_load` says of those that follow the load.
     """
     needed = chance(start.count, start.alternatives)
     terms = [item.term for item in items]
@@ -171,9 +177,9 @@ def _gains_apart_from_noise(
     if any(term.resonates for term in terms):
         yield _gain_of_torque(balance, base, fit), needed
     for item in items:
-        if follows_load(item.term):
-            yield gains_of_load(balance, fit, item)[0], threshold(balance, [item.term], 1)
-        if follows_load(item.term) or item.term.filters:
+        if item.identity in loads:
+            yield loads[item.identity][0], threshold(balance, [item.term], 1)
+        if item.identity in loads or item.term.filters:
             yield _gain_where_driven(balance, base, fit, item), needed
 
 

@@ -26,9 +26,10 @@ from tcs_friction.diagnose.search.matched_filter import ONE_WAVE, wave_angle
 from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
+from tcs_friction.diagnose.search.start import Start
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
-from tcs_friction.physics.terms import Instance, Role
+from tcs_friction.physics.terms import Instance, Role, Term
 
 MINOR = 0.3  # of a wave's amplitude, below which one at a multiple of its order is its harmonic: a square wave's third has 1/3
 
@@ -65,14 +66,13 @@ def with_offsets_joined(balance: TorqueBalance, fit: Fit, base: Axis, excluded: 
             continue
         fewer = fit.axis.without_effect(one).without_effect(other)
         bare = fit_jointly(balance, fewer, fit.noise, WITHOUT_ITERATIONS, WITHOUT_TOLERANCE)
-        for term in [held[0].term] if held else springs:
-            resting = [s for s in starts(ProjectedResidual(balance, bare), term, None) if _rests(s.instance)]
-            for start in resting[:1]:
-                trial = settle(balance, bare.axis.with_effect(start.instance), fit.noise, rounds=1)
-                lost = trial.squares - balance.squares(fit.axis, trial.noise)
-                as_much = lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise))
-                if as_much and doubt(balance, trial, trial.axis.effects[-1], bare.axis) is None:
-                    return with_offsets_joined(balance, trial, base, excluded)
+        projected = ProjectedResidual(balance, bare)
+        for start in filter(None, (_resting(projected, term) for term in ([held[0].term] if held else springs))):
+            trial = settle(balance, bare.axis.with_effect(start.instance), fit.noise, rounds=1)
+            lost = trial.squares - balance.squares(fit.axis, trial.noise)
+            as_much = lost < DISTINGUISHABLE * misfit(balance, balance.residual(trial.axis, trial.noise))
+            if as_much and doubt(balance, trial, trial.axis.effects[-1], bare.axis) is None:
+                return with_offsets_joined(balance, trial, base, excluded)
     return fit
 
 
@@ -81,9 +81,10 @@ def _shapeless(item: Instance) -> bool:
     return item.term.slow_over_position and all(p.role in (Role.LINEAR, Role.PHASE) for p in item.term.parameters)
 
 
-def _rests(item: Instance) -> bool:
-    """Whether the neutral place of an effect is free."""
-    return item.values[item.term.neutral] != item.term.parameter(item.term.neutral).default
+def _resting(projected: ProjectedResidual, term: Term) -> Start | None:
+    """The best start of a spring whose neutral place is free; None without one."""
+    usual = term.parameter(term.neutral).default
+    return next((s for s in starts(projected, term, None) if s.instance.values[term.neutral] != usual), None)
 
 
 def added_effects(axis: Axis, base: Axis) -> tuple[Instance, ...]:

@@ -121,7 +121,7 @@ def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     """
     if not item.term.whole or fit.axis.kind != "rotary":
         return True
-    k = next((k for k, n in enumerate(fit.free) if n.effect == item.identity and n.name == item.term.order.name), None)
+    k = next((k for k, n in enumerate(fit.free) if n.is_order_of(item)), None)
     if k is None:
         return True
     away = math.log(max(round(item.order), 1) / item.order)  # orders are fitted as logarithms

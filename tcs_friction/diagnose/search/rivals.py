@@ -23,7 +23,6 @@ from tcs_friction.diagnose.dataset.excitation import lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_untimed, fit_without, settle, taken_out
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, misfit
-from tcs_friction.diagnose.fit.parameters import FreeNumber
 from tcs_friction.diagnose.search.candidates import (
     STILL_WINNING,
     Candidate,
@@ -120,7 +119,6 @@ def contest_for_place(
         replace(c, gain=gains[id(c.fit)]) if c.gain > STILL_WINNING * gains[id(c.fit)] else c for c in confirmed
     ]
     rivals = _with_better(rivals, _in_place(balance, fit, item, alone, dispersion))
-    rivals.sort(key=lambda rival: -rival.score)
     count = fit.numbers_of(item)
     all_noise = balance.samples.effective_count
     tie = max(DISTINGUISHABLE * misfit(balance, balance.residual(fit.axis, fit.noise)), min(IMPERFECT * gain, all_noise))
@@ -133,7 +131,6 @@ def contest_for_place(
         if doubtful_size(balance, settled, placed) is None:
             others = [rival for rival in rivals if rival is not winner]
             others = _with_better(others, _in_place(balance, settled, placed, alone, dispersion))
-            others.sort(key=lambda rival: -rival.score)
             tied = _tied(balance, winner.fit, winner.items[0], winner.gain, others)
             return settled, Contest(placed.identity, kind_of(placed), alone, winner.gain, same, tuple(others), tied)
     tied = _tied(balance, fit, item, gain, rivals)
@@ -229,28 +226,23 @@ def _in_place(
     """
     others, result = ProjectedResidual(balance, taken_out(balance, fit, item)), []
     for term, signal in eligible(others.axis, balance):
-        start = _acting_as(others, item, term, signal)
+        start = _start_in_place(others, item, term, signal)
         if start is None:
             continue
         axis = others.axis.with_effect(start.instance)
-        free = [number for number in balance.free(axis) if not _is_order(number, start.instance)]
+        free = [number for number in balance.free(axis) if not number.is_order_of(start.instance)]
         trial = fit_untimed(balance, axis, alone.noise, IN_PLACE_ITERATIONS, free=free)
         (placed,) = (x for x in trial.axis.effects if x.identity == start.instance.identity)
-        questions = doubtful_size(balance, trial, placed) if term.periodic else doubt(balance, trial, placed, others.axis)
-        if questions is None:
+        why_not = doubtful_size(balance, trial, placed) if term.periodic else doubt(balance, trial, placed, others.axis)
+        if why_not is None:
             gain = squares_gained(balance, alone, trial, [placed]) / dispersion
             limit = threshold(balance, [term], start.count)
             result.append(Candidate(gain, limit, trial, replace(start, columns=np.empty((0, 0)))))
     return result
 
 
-def _is_order(number: FreeNumber, item: Instance) -> bool:
-    """Whether a free number is the order of an effect."""
-    return number.effect == item.identity and item.term.periodic != "" and number.name == item.term.order.name
-
-
 def _with_better(rivals: Sequence[Candidate], placed: Sequence[Candidate]) -> list[Candidate]:
-    """Rivals and those fitted in place; of slow torques over the position each kind once, as it does better."""
+    """Rivals and those fitted in place, best first; of slow torques over the position each kind once, as it does better."""
     found = list(rivals)
     for one in placed:
         known = None if one.items[0].term.periodic else next((x for x in found if x.kinds == one.kinds), None)
@@ -258,10 +250,10 @@ def _with_better(rivals: Sequence[Candidate], placed: Sequence[Candidate]) -> li
             found.append(one)
         elif one.gain > known.gain:
             found[found.index(known)] = one
-    return found
+    return sorted(found, key=lambda rival: -rival.score)
 
 
-def _acting_as(others: ProjectedResidual, item: Instance, term: Term, signal: str | None) -> Start | None:
+def _start_in_place(others: ProjectedResidual, item: Instance, term: Term, signal: str | None) -> Start | None:
     """The start of an effect of a kind that acts as another one does, which was taken out; None of other kinds."""
     if term is item.term:
         return None

@@ -127,11 +127,11 @@ def select_effects(
         fit = with_offsets_joined(balance, fit, retuned.axis, excluded)
         alternatives |= dict.fromkeys(best.kinds, best.start.alternatives)
         kept = pruned(balance, fit, base, alternatives)
-        dropped, fit = added_effects(fit.axis, kept.axis), kept
-        if _only_lost(before.axis, fit.axis) or _among(dropped, best.items):
+        if _only_lost(before.axis, kept.axis) or _among(added_effects(fit.axis, kept.axis), best.items):
             refused.add(_kinds(best.fit.axis))
-            fit = fit if _led_back(balance, before, fit) else before
+            fit = kept if _led_back(balance, before, kept) else before
             continue
+        fit = kept
         if len(added_effects(fit.axis, retuned.axis)) > 1 and enough(base, fit):
             break
         if _kinds(fit.axis) in met:  # what was pruned again would come back in every further round
