@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from concealed_torque_cases import axis, conditioned, settled, unfitted
+from concealed_torque_cases import Motion, axis, conditioned, settled, unfitted
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
@@ -18,8 +18,8 @@ from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.proof import (
+    _far_larger,
     _in_the_mean_of_a_signal,
-    _outshone,
     _Proof,
     _resolved,
     found_effects,
@@ -373,57 +373,84 @@ def two_found(fitted: tuple[TorqueBalance, Fit, Fit]) -> tuple[Found, Found]:
     return large, small
 
 
-def test_an_effect_within_the_noise_beside_a_much_larger_one_is_described_only(
-    two_found: tuple[Found, Found],
+def within_the_noise_beside(
+    larger: Instance, small: Instance, torque: Callable[[Motion], np.ndarray]
+) -> tuple[_Proof, Found, Found]:
+    """Proofs of two effects that are there, and of nothing else, the larger one first."""
+    balance, retuned = settled(conditioned(np.random.default_rng(3), torque, seconds=80.0))
+    both = unfitted(balance, axis().with_effect(larger).with_effect(small), retuned.noise, KNOWN)
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    proof = _Proof(balance, Explanation(retuned, both, both, None, (), contests))
+    return proof, proof.found(larger), proof.found(small)
+
+
+CABLE = instance(effect("cable_wrap"), {"stiffness": 5.0, "neutral": -1.0})
+GRAVITY = instance(effect("imbalance"), {"amplitude": 0.3, "phase": 0.4})
+WARM = instance(effect("temperature_dependent_friction"), {"dry": 0.02, "viscous": 0.0, "reference_temperature": 10.0})
+
+
+def of_cable(m: Motion) -> np.ndarray:
+    """Torque of CABLE, N m."""
+    return 5.0 * (m.q + 1.0)
+
+
+def of_warmth(m: Motion) -> np.ndarray:
+    """Torque of WARM, N m."""
+    temperature = 15.0 + 5.0 * (1.0 - np.exp(-m.t / 100.0))
+    return 60.0 * 0.02 * (temperature - 10.0) * np.sign(m.v)
+
+
+@pytest.mark.parametrize(
+    ("larger", "small", "torque", "outshone"),
+    [
+        (CABLE, GRAVITY, lambda m: of_cable(m) + 0.3 * np.sin(m.q + 0.4), True),
+        (
+            CABLE,
+            instance(effect("cogging"), {"order": 40.0, "amplitude": 0.3, "phase": 0.0}),
+            lambda m: of_cable(m) + 0.3 * np.cos(40.0 * m.q),
+            False,
+        ),
+        (
+            CABLE,
+            instance(effect("load_step"), {"step": 0.3, "time": 40.0}),
+            lambda m: of_cable(m) + 0.3 * (m.t > 40.0),
+            False,
+        ),
+        (
+            WARM,
+            instance(effect("quadratic_drag"), {"coefficient": 30.0}),
+            lambda m: of_warmth(m) + 30.0 * m.v * np.abs(m.v),
+            True,
+        ),
+        (
+            instance(effect("position_dependent_friction"), {"order": 1.0, "amplitude": 0.05, "phase": 0.0}),
+            instance(effect("torque_bias"), {"bias": 0.3}),
+            lambda m: 60.0 * 0.05 * np.cos(m.q) * np.sign(m.v) + 0.3,
+            False,
+        ),
+    ],
+    ids=["position and position", "wave", "event", "friction and friction", "friction and constant"],
+)
+def test_an_effect_within_the_noise_is_described_only_where_a_much_larger_one_in_another_form_does_the_same(
+    larger: Instance, small: Instance, torque: Callable[[Motion], np.ndarray], outshone: bool
 ) -> None:
-    """What a large effect's form does not meet comes back as regularly as an effect."""
-    large, small = two_found
+    """A spring that is not quite linear does what gravity does, but no wave and no step in time."""
+    proof, large, one = within_the_noise_beside(larger, small, torque)
+    assert proof.outshone(one, [large, one], 2.0 * one.torque_rms) == outshone
+
+
+def test_what_is_beyond_the_noise_or_not_much_smaller_is_named_beside_a_larger_effect() -> None:
+    """Wind is told worse than that: how it acts as the axis turns is in no recorded signal."""
+    proof, large, small = within_the_noise_beside(CABLE, GRAVITY, lambda m: of_cable(m) + 0.3 * np.sin(m.q + 0.4))
     for size, floor, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
         one, noise = replace(small, torque_rms=size * large.torque_rms), floor * large.torque_rms
-        assert _outshone(one, [large, one], noise) == outshone, (size, floor)
-        assert not _outshone(one, [one], noise), "the other one is described only"
-        assert not _outshone(large, [large, one], noise)
-
-
-def test_what_acts_through_a_signal_outshines_larger_effects(two_found: tuple[Found, Found]) -> None:
-    """Wind, say: how it acts as the axis turns is in no recorded signal."""
-    large, small = two_found
-    wind = instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed")
-    one, noise = replace(small, torque_rms=0.4 * large.torque_rms), 0.5 * large.torque_rms
-    assert _outshone(one, [replace(large, instance=wind), one], noise)
-    assert not _outshone(one, [large, one], noise)
-
-
-def test_an_event_in_time_is_not_outshone_by_what_is_the_same_at_all_times(two_found: tuple[Found, Found]) -> None:
-    large, small = two_found
-    step = instance(effect("load_step"), {"step": 0.2, "time": 40.0})
-    one, noise = replace(small, instance=step, torque_rms=0.1 * large.torque_rms), 0.5 * large.torque_rms
-    assert not _outshone(one, [large, one], noise)
-    wind = instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed")
-    warming = instance(effect("warmup_drift"), {"dry": 0.1, "viscous": 0.1, "time_constant": 50.0})
-    for other in (wind, warming):
-        assert _outshone(one, [replace(large, instance=other), one], noise), other.term.id
-
-
-def test_a_difference_between_directions_is_not_outshone_by_friction_that_is_the_same_in_both(
-    two_found: tuple[Found, Found],
-) -> None:
-    large, small = two_found
-    asymmetry = instance(effect("coulomb_asymmetry"), {"asymmetry": 0.01})
-    drag = instance(effect("quadratic_drag"), {"coefficient": 30.0})
-    presliding = instance(effect("presliding"), {"stiffness": 1e5})
-    loaded = instance(effect("load_dependent_friction"), {"coefficient": 0.1})
-    viscous = instance(effect("viscous_asymmetry"), {"asymmetry": 20.0})
-    noise = 0.5 * large.torque_rms
-    for item, other, outshone in (
-        (asymmetry, presliding, False),
-        (asymmetry, loaded, False),
-        (asymmetry, viscous, True),
-        (asymmetry, drag, True),
-        (drag, loaded, True),
-    ):
-        one, more = replace(small, instance=item, torque_rms=0.1 * large.torque_rms), replace(large, instance=other)
-        assert _outshone(one, [more, one], noise) == outshone, (item.term.id, other.term.id)
+        assert proof.outshone(one, [large, one], noise) == outshone, (size, floor)
+        assert not proof.outshone(one, [one], noise), "the other one is described only"
+        assert not proof.outshone(large, [large, one], noise)
+    wind = replace(large, instance=instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed"))
+    one = replace(small, torque_rms=0.4 * large.torque_rms)
+    assert _far_larger(wind, one)
+    assert not _far_larger(large, one)
 
 
 def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(two_found: tuple[Found, Found]) -> None:

@@ -20,6 +20,7 @@ from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on, judged
 from tcs_friction.diagnose.outcome.explanation import Explanation
+from tcs_friction.diagnose.outcome.other_form import gain_in_other_forms
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
 from tcs_friction.diagnose.remainder.remainder import CANCELLED, COMPLETE
@@ -27,6 +28,8 @@ from tcs_friction.diagnose.search.harmonics import added_effects
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.matched_filter import in_step
 from tcs_friction.diagnose.search.plausibility import own_torque
+from tcs_friction.diagnose.search.projection import ProjectedResidual
+from tcs_friction.diagnose.search.rivals import NEARLY
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Place, Role
@@ -51,7 +54,7 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
         found = [replace(one, established=one.established and not proof.cancelled(one.instance)) for one in found]
     found = [replace(one, established=one.established and not _in_the_mean_of_a_signal(one, found)) for one in found]
     named = [one for one in found if one.established]
-    found = [replace(one, established=one.established and not _outshone(one, named, floor)) for one in found]
+    found = [replace(one, established=one.established and not proof.outshone(one, named, floor)) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
 
 
@@ -81,19 +84,31 @@ class _Proof:
         equivalent = contest.equivalent if contest is not None else ()
         gain = contest.gain if contest is not None else 0.0
         kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
-        torque = self.residual(fit.axis.without_effect(item)) - self.residual(fit.axis)
-        return self._proven(item, kinds, self._parameters(item), self._rms(torque), gain, fit.numbers_of(item))
+        return self._proven(item, kinds, self._parameters(item), self._size(item), gain, fit.numbers_of(item))
 
     def lacked(self, lack: Lack) -> Found:
         """What the believed law lacks of the improved axis' law, with its proof."""
-        fit = self.fit
-        torque = self.residual(lack.without.axis) - self.residual(fit.axis)
+        fit, item = self.fit, lack.effect
         count = max(len(fit.free) - len(lack.without.free), 1)
-        return self._proven(lack.effect, (), self._parameters_of_law(lack), self._rms(torque), lack.gain, count)
+        return self._proven(item, (), self._parameters_of_law(lack), self._size(item), lack.gain, count)
 
-    def _rms(self, torque: np.ndarray) -> float:
-        """Of a torque (n,), N m, where the recording is compared with the model: not where friction is unknown, as at rest."""
-        return rms(torque[self.balance.train | self.balance.held_out])
+    def outshone(self, one: Found, named: Sequence[Found], floor: float) -> bool:
+        """Whether an effect is within the noise and small beside a named one, and that one in another form does what it does."""
+        larger = [other for other in named if _far_larger(other, one)]
+        return one.torque_rms < floor and any(self._does_in_another_form(other.instance, one.instance) for other in larger)
+
+    def _does_in_another_form(self, larger: Instance, item: Instance) -> bool:
+        """Whether an effect in another form than its term has gains nearly as much as another effect that is left out."""
+        projected = ProjectedResidual(self.balance, self.explanation.without(item))
+        change = projected.residual - self.balance.residual(self.explanation.unmapped.axis, projected.noise)
+        own = projected.gain(projected.project(projected.noise.whiten(change))[:, None])[0]
+        return gain_in_other_forms(projected, self._torque(larger), larger) > NEARLY * own
+
+    def _torque(self, item: Instance) -> np.ndarray:
+        """Torque (n,) of an effect of the improved axis or its law, N m."""
+        lack = next((lack for lack in self.explanation.lacks if lack.effect is item), None)
+        axis = self.fit.axis.without_effect(item) if lack is None else lack.without.axis
+        return self.residual(axis) - self.residual(self.fit.axis)
 
     def _proven(
         self,
@@ -159,9 +174,8 @@ class _Proof:
         return waves and in_step(self.balance, self.fit.axis, item, other)
 
     def _size(self, item: Instance) -> float:
-        """Torque of an effect of the improved axis, N m rms."""
-        axis = self.fit.axis
-        return self._rms(self.residual(axis.without_effect(item)) - self.residual(axis))
+        """Its rms where the recording is compared with the model: not where friction is unknown, as at rest."""
+        return rms(self._torque(item)[self.balance.train | self.balance.held_out])
 
     def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
         """What a law says of an effect that completes it, with standard deviations to first order."""
@@ -223,24 +237,10 @@ def _in_the_mean_of_a_signal(one: Found, found: Sequence[Found]) -> bool:
     return one.instance.term.slow_over_position and any(one.torque_rms < other.torque_rms for other in through_signals)
 
 
-def _outshone(one: Found, named: Sequence[Found], floor: float) -> bool:
-    """Whether an effect is within the noise floor and small beside another that is named: the other's form may not meet that.
-
-    It comes back in every piece of a recording that repeats its moves, as a true effect does. An event in time does not: what is
-    the same at all times has no part in it. Friction that is the same in both directions has none in a difference between them.
-    """
-    own = one.instance.term
-
-    def least(other: Found) -> float:
-        term = other.instance.term
-        if own.event and not other.instance.signals and term.coordinate != "time":
-            return 0.0
-        friction = bool(term.features) or term.place is Place.SCALE
-        if own.coordinate == "direction" and friction and term.coordinate != "direction":
-            return 0.0
-        return (OUTSHONE_BY_SIGNAL if other.instance.signals else OUTSHONE) * other.torque_rms
-
-    return one.torque_rms < floor and any(one.torque_rms < least(other) for other in named if other is not one)
+def _far_larger(other: Found, one: Found) -> bool:
+    """Whether the torque of another effect is so much larger that what its form does not meet may be as large as one."""
+    share = OUTSHONE_BY_SIGNAL if other.instance.signals else OUTSHONE
+    return other is not one and one.torque_rms < share * other.torque_rms
 
 
 def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:
