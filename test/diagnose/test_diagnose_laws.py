@@ -10,6 +10,7 @@ from typing import NamedTuple, cast
 import numpy as np
 import pytest
 from closed_loop_cases import telescope_file
+from concealed_torque_cases import conditioned, settled
 from open_loop_cases import LUGRE, axis
 
 from tcs_friction.config import AxisFile
@@ -181,6 +182,7 @@ def test_of_a_law_that_rises_with_the_speed_no_drop_is_lacking(monkeypatch: pyte
     worse = cast(Fit, FakeFit(with_law("dahl_viscous"), FakeSquares(900.0), free=(0, 1)))
     monkeypatch.setattr(laws, "law_candidates", lambda *_: [LawCandidate(worse, 0.0, 10.0, plausible=True)])
     monkeypatch.setattr(laws, "threshold", lambda *_: 10.0)
+    monkeypatch.setattr(laws, "_with_effects_alike", lambda *_: [])
     assert lacks(cast(TorqueBalance, None), fit, with_law("dahl_viscous")) == (fit, ())
 
 
@@ -206,10 +208,25 @@ def test_two_laws_that_do_as_well_as_each_other_are_not_told_apart(monkeypatch: 
 
     monkeypatch.setattr(laws, "law_candidates", candidates)
     monkeypatch.setattr(laws, "threshold", lambda *_: 10.0)
+    monkeypatch.setattr(laws, "_with_effects_alike", lambda *_: [])
     fit, found = lacks(cast(TorqueBalance, None), fit_of("stribeck_static"), with_law("coulomb_viscous"))
     assert fit.axis.friction.term.id == "stribeck_static"
     ((drop, without, gain),) = [(lack.effect, lack.without, lack.gain) for lack in found]
     assert (drop.term.id, without.axis.friction.term.id, gain) == ("stribeck", "dahl_viscous", 0.5)
+
+
+def test_a_drag_is_no_drop_over_all_speeds() -> None:
+    """A wide drop bends as a drag does; the law without it does as well beside a drag, which has fewer numbers."""
+    drag = 40.0
+    balance, retuned = settled(conditioned(np.random.default_rng(4), lambda m: drag * m.v * np.abs(m.v), seconds=160.0))
+    values = {"coulomb": 57.0, "static": 60.0, "stribeck_velocity": 0.1, "viscous": 500.0, "exponent": 1.0}
+    wide = replace(retuned.axis, friction=instance(law("stribeck_static"), values))
+    fit, found = lacks(balance, settle(balance, wide, retuned.noise), retuned.axis)
+    assert found == ()
+    assert fit.axis.friction.term.id == "coulomb_viscous"
+    (item,) = fit.axis.effects
+    assert item.term.id == "quadratic_drag"
+    assert item.values["coefficient"] == pytest.approx(drag, rel=0.1)
 
 
 def test_laws_start_from_what_they_share() -> None:

@@ -23,6 +23,7 @@ from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_as_fitted
+from tcs_friction.diagnose.search.hypotheses import eligible, starts
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT_AT_MOST, chance, threshold
@@ -306,7 +307,7 @@ def _does_something(part: Instance) -> bool:
 
 
 def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[Lack, ...]]:
-    """What a believed law lacks of the law of a fit, and the fit; with a simpler law where that does as well.
+    """What a believed law lacks of the law of a fit, and the fit; with a simpler law, and an effect, where these do as well.
 
     What another law that is no simpler does without has no gain of its own: these data cannot tell the two.
     """
@@ -319,14 +320,23 @@ def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[
         others = [law for law in unloaded_laws() if not law.features & features]
         candidates = law_candidates(balance, fit, others, believed)
         fits = [one.fit for one in sorted(candidates, key=lambda one: (not one.plausible, loss(one.fit)))]
-        for simpler in fits:
+        fewer = [one for one in fits if one.axis.friction.term.features < better.features]
+        for simpler in (*fewer, *(more for one in fewer for more in _with_effects_alike(balance, one, effect))):
             needed = threshold(balance, [better], max(len(fit.free) - len(simpler.free), 1))
-            if simpler.axis.friction.term.features < better.features and loss(simpler) < needed:
+            if loss(simpler) < needed:
                 return lacks(balance, settle(balance, simpler.axis, simpler.noise, rounds=1), believed)
         part = completing(effect, fit.axis.friction)
         if _does_something(part):
             found.append(Lack(part, fits[0], loss(fits[0])))
     return fit, tuple(found)
+
+
+def _with_effects_alike(balance: TorqueBalance, fit: Fit, effect: Term) -> list[Fit]:
+    """A fit with one more effect without memory over the coordinate of another: with drag, say, instead of a Stribeck drop."""
+    projected = ProjectedResidual(balance, fit)
+    alike = [term for term, _ in eligible(fit.axis, balance) if term.coordinate == effect.coordinate]
+    begun = [start for term in alike if not (term.features or term.states) for start in starts(projected, term, None)[:1]]
+    return [fit_jointly(balance, fit.axis.with_effect(one.instance), fit.noise, MORE_STEPS) for one in begun]
 
 
 def missing_features(better: Term, believed: Term) -> dict[Term, frozenset[Feature]]:
