@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, fit_without, least_squares, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search import stepwise
+from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.start import Start
 from tcs_friction.diagnose.search.stepwise import (
+    _best_of_two_close,
     _confused_with_collisions,
     _led_back,
     _placed_again,
@@ -174,6 +177,28 @@ def test_a_better_place_of_the_same_effects_is_kept_when_what_led_there_is_dropp
     assert _led_back(balance, stuck, right)
     assert not _led_back(balance, right, stuck), "it does worse"
     assert not _led_back(balance, plain, right), "it has another effect"
+
+
+@pytest.mark.parametrize(
+    ("gain", "limit", "count", "name"),
+    [(99.0, 20.0, 1, "cogging"), (97.0, 20.0, 1, "torque_bias"), (99.0, 99.0, 1, "torque_bias"), (99.0, 20.0, 3, "torque_bias")],
+)
+def test_of_two_that_gain_nearly_the_same_in_a_round_the_better_fit_is_taken(
+    gain: float, limit: float, count: int, name: str
+) -> None:
+    """A wave is there and no bias; the second one is asked if it gains within 2 %, and more than chance, with no more numbers."""
+    balance, fit = settled(conditioned(np.random.default_rng(12), lambda m: np.cos(40.0 * m.q), seconds=80.0))
+
+    def candidate(gain: float, limit: float, count: int, term: str, **values: float) -> Candidate:
+        item = instance(effect(term), values)
+        fitted = settle(balance, fit.axis.with_effect(item), fit.noise, 1)
+        return Candidate(gain, limit, fitted, replace(start(term, gain), instances=(item,), count=count))
+
+    best = candidate(100.0, 20.0, 1, "torque_bias", bias=0.1)
+    second = candidate(gain, limit, count, "cogging", order=40.0, amplitude=1.0)
+    chosen, left = _best_of_two_close(balance, axis(), best, [best, second])
+    assert [item.term.id for item in left.axis.effects] == [name]
+    assert chosen is (second if name == "cogging" else best)
 
 
 def test_what_takes_an_earlier_effect_with_it_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,14 +34,18 @@ from tcs_friction.diagnose.search.hypotheses import eligible, starts
 from tcs_friction.diagnose.search.matched_filter import in_step
 from tcs_friction.diagnose.search.plausibility import doubt, doubtful_size
 from tcs_friction.diagnose.search.projection import ProjectedResidual
-from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT, ODDS, threshold
+from tcs_friction.diagnose.search.significance import (
+    DISTINGUISHABLE,
+    FEEDBACK_SHARE,
+    IMPERFECT,
+    ODDS,
+    threshold,
+)
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
 from tcs_friction.diagnose.search.waves import wave_start
 from tcs_friction.physics.terms import Instance, Need, Place, Term
 
-FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say,
-# and no more than all that is left
 MOST_RIVALS = 6
 IN_PLACE_ITERATIONS = 6  # of a rival's joint fit from the numbers beside the effect, which are nearly right
 NEARLY = 0.9  # of an effect's gain, from which a rival that does better in a piece of the data is as good

@@ -26,6 +26,7 @@ from tcs_friction.diagnose.fit.joint_fit import (
     settle,
     taken_out,
 )
+from tcs_friction.diagnose.fit.noise import NoiseModel
 from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.candidates import (
@@ -49,6 +50,7 @@ from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import (
     DISTINGUISHABLE,
     FALSE_ALARM,
+    FEEDBACK_SHARE,
     NOISE_SHARE,
     chance,
     imperfection,
@@ -123,7 +125,7 @@ def select_effects(
         if best is None or len(added_effects(fit.axis, retuned.axis)) >= MOST_EFFECTS:
             break
         before = fit
-        fit = settle(balance, from_believed_law(balance, best.fit, believed), best.fit.noise, rounds=2)
+        best, fit = _best_of_two_close(balance, believed, best, candidates)
         fit = _placed_again(balance, fit, added_effects(fit.axis, retuned.axis))
         fit = with_harmonics_joined(balance, fit, retuned.axis)
         fit = with_offsets_joined(balance, fit, retuned.axis, excluded)
@@ -170,6 +172,33 @@ def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Seque
     if best is None or best.score <= 0.0 or best.gain < imperfection(base, fit, balance):
         return None
     return best
+
+
+def _best_of_two_close(
+    balance: TorqueBalance, believed: Axis, best: Candidate, candidates: Sequence[Candidate]
+) -> tuple[Candidate, Fit]:
+    """The best candidate and its fit with its own noise, or the next that gains nearly as much with no more numbers, if better.
+
+    What is missing counts as noise until it is found: of a delay and a lag that the noise of a round does not tell apart one may
+    leave twice as much as the other. The next one is better if that is so with the noise of either.
+    """
+
+    def settled(one: Candidate) -> Fit:
+        return settle(balance, from_believed_law(balance, one.fit, believed), one.fit.noise, rounds=2)
+
+    def near(one: Candidate) -> bool:
+        simple = one.start.count <= best.start.count and one.kinds != best.kinds
+        return simple and one.score > 0.0 and one.gain > (1.0 - FEEDBACK_SHARE) * best.gain
+
+    fit, other = settled(best), next(filter(near, candidates), None)
+    if other is None:
+        return best, fit
+    instead = settled(other)
+
+    def gains(noise: NoiseModel) -> bool:
+        return balance.squares(fit.axis, noise) - balance.squares(instead.axis, noise) > 0.0
+
+    return (other, instead) if gains(fit.noise) and gains(instead.noise) else (best, fit)
 
 
 def _better_law(
