@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from concealed_torque_cases import Motion, Torque, axis, conditioned, settled, unfitted
 
+from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.noise_estimate import noise_floor
 from tcs_friction.diagnose.outcome.agreement import (
     FEWEST_PIECES,
@@ -94,6 +95,18 @@ def test_an_event_in_held_out_data_is_not_judged_by_its_moment() -> None:
     t = data.joined("t")
     assert not kept[(t > begin) & (t < end)].any()
     assert np.array_equal(kept[(t < begin) | (t > end)], balance.held_out[(t < begin) | (t > end)])
+
+
+def test_an_event_in_the_only_held_out_data_is_judged_there() -> None:
+    """Names are not proven by data that were fitted."""
+    data = conditioned(np.random.default_rng(3), seconds=80.0)
+    (whole,) = data.stretches
+    block = np.arange(len(whole.held_out)) * 16 // len(whole.held_out)
+    balance = TorqueBalance(replace(data, stretches=(replace(whole, held_out=whole.held_out & (block == 6)),)))
+    late = axis().with_effect(instance(effect("load_step"), {"step": 4.0, "time": 32.5}))
+    assert len(untimed(balance, late)) == 1
+    assert balance.held_out.any()
+    assert np.array_equal(judged(balance, late), balance.held_out)
 
 
 def test_an_event_between_fitted_samples_is_judged_everywhere() -> None:

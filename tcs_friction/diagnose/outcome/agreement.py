@@ -142,11 +142,14 @@ def _power_over(coordinate: np.ndarray, left: np.ndarray) -> float:
 
 
 def judged(balance: TorqueBalance, axis: Axis) -> np.ndarray:
-    """Samples (n,) on which an axis is judged: those held out but `untimed` ones, train data where there are none."""
+    """Samples (n,) on which an axis is judged: those held out but `untimed` ones, all of them where no others are left.
+
+    Train data where none are held out.
+    """
     t, held = balance.data.joined("t"), balance.held_out.copy()
     for _, begin, end in untimed(balance, axis):
         held &= (t <= begin) | (t >= end)
-    return held if held.any() else balance.train
+    return next((mask for mask in (held, balance.held_out) if mask.any()), balance.train)
 
 
 def untimed(balance: TorqueBalance, axis: Axis) -> list[tuple[Instance, float, float]]:
