@@ -177,7 +177,7 @@ def _worth_adding(balance: TorqueBalance, base: Fit, fit: Fit, candidates: Seque
 def _best_of_two_close(
     balance: TorqueBalance, believed: Axis, best: Candidate, candidates: Sequence[Candidate]
 ) -> tuple[Candidate, Fit]:
-    """The best candidate and its fit with its own noise, or the next that gains nearly as much with no more numbers, if better.
+    """The best candidate and its fit with its own noise, or the next that gains nearly as much and is as simple, if better.
 
     What is missing counts as noise until it is found: of a delay and a lag that the noise of a round does not tell apart one may
     leave twice as much as the other. The next one is better if that is so with the noise of either.
@@ -187,7 +187,7 @@ def _best_of_two_close(
         return settle(balance, from_believed_law(balance, one.fit, believed), one.fit.noise, rounds=2)
 
     def near(one: Candidate) -> bool:
-        simple = one.start.count <= best.start.count and one.kinds != best.kinds
+        simple = one.threshold <= best.threshold and one.kinds != best.kinds
         return simple and one.score > 0.0 and one.gain > (1.0 - FEEDBACK_SHARE) * best.gain
 
     fit, other = settled(best), next(filter(near, candidates), None)
