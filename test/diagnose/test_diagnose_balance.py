@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -19,6 +19,8 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance, noise_amplification
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.fit.noise_estimate import estimated, noise_floor
+from tcs_friction.diagnose.fit.parameters import Form
+from tcs_friction.physics.terms import Instance
 
 
 def test_noise_that_a_mode_amplifies_counts_as_much_as_without_it() -> None:
@@ -95,3 +97,28 @@ def test_a_residual_does_not_depend_on_what_was_asked_before(fitted: tuple[Torqu
     balance.terms.cache.results.clear()  # computed again and not remembered
     for one, again in zip(first, asked(), strict=True):
         np.testing.assert_array_equal(one, again)
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [
+        item("position_dependent_inertia", amplitude=0.3, phase=1.0),
+        item("position_dependent_friction", order=2.0, amplitude=0.3, phase=1.0),
+        item("encoder_periodic_error", order=60.0, amplitude=2e-6, phase=1.0),
+        item("torque_ripple", order=30.0, amplitude=0.02, phase=1.0),
+        item("cogging", order=40.0, amplitude=0.5, phase=1.0),
+    ],
+    ids=lambda wave: wave.term.id,
+)
+def test_derivatives_by_the_amplitude_of_a_wave_are_those_of_small_changes(
+    fitted: tuple[TorqueBalance, Fit], wave: Instance
+) -> None:
+    """Also where its unit is no torque, so that a change of one would be beyond all bounds, or a whole turn."""
+    balance, fit = fitted
+    waved = fit.axis.with_effect(wave)
+    free = [n for n in balance.free(waved) if n.effect == wave.identity and n.form in (Form.COSINE, Form.SINE)]
+    smaller = [replace(number, step=1e-2 * number.step) for number in free]
+    residual = balance.residual(waved, fit.noise)
+    coarse, fine = (balance.derivatives(waved, some, fit.noise, residual) for some in (free, smaller))
+    assert coarse.shape[1] == 2
+    assert np.linalg.norm(coarse - fine) < 0.02 * np.linalg.norm(fine)

@@ -19,6 +19,7 @@ from tcs_friction.physics.terms import Instance, Parameter, Role
 
 RELATIVE_STEP = 1e-4  # of differences in a logarithm: far above rounding errors (1e-16), far below curvature
 AMPLITUDE_STEP = 1e-2  # of differences in a linear number, relative; its torque is linear, so a large step costs nothing
+SMALL_AMPLITUDES = {"": 0.01, "1/degC": 0.001, "rad": 1e-7}  # by unit, of effects that are only nearly linear in them
 SMALLEST = 1e-300  # stands for zero in logarithms
 LARGEST_LOGARITHM = 700.0  # of a double
 
@@ -83,7 +84,7 @@ def amplitudes(parameters: Sequence[Parameter]) -> list[tuple[Parameter, Paramet
 def free_parameters(axis: Axis, torque_step: float = 1.0) -> list[FreeNumber]:
     """What a joint fit of this axis may change: inertia, the law's parameters, every effect's active parameters.
 
-    `torque_step`: small change of a wave's amplitude, N m. A parameter at its default is switched off and stays there.
+    `torque_step`: change of the amplitude, N m, of a torque wave. A parameter at its default is switched off and stays there.
     """
     free = [INERTIA]
     for parameter in axis.friction.term.parameters:
@@ -108,12 +109,18 @@ def _numbers_of(
 
     value = abs(item.values[parameter.name])
     if phase is not None:
-        return [number(form, torque_step, phase.name) for form in (Form.COSINE, Form.SINE)]
+        step = small_amplitude(parameter.unit, torque_step)
+        return [number(form, step, phase.name) for form in (Form.COSINE, Form.SINE)]
     if parameter.role is Role.LINEAR:
         return [number(Form.PLAIN, AMPLITUDE_STEP * max(value, 1e-12))]
     if parameter.lower >= 0.0:
         return [number(Form.LOGARITHM, RELATIVE_STEP)]
     return [number(Form.PLAIN, RELATIVE_STEP * max(1.0, value))]
+
+
+def small_amplitude(unit: str, torque: float = 1.0) -> float:
+    """An amplitude in which effects are linear, also those that are only nearly so; `torque`: of those that are a torque, N m."""
+    return SMALL_AMPLITUDES.get(unit, torque)
 
 
 def read_numbers(axis: Axis, free: Sequence[FreeNumber]) -> np.ndarray:

@@ -20,7 +20,8 @@ from scipy import ndimage, optimize
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.noise import NoiseModel
-from tcs_friction.diagnose.search.projection import ProjectedResidual, probes, small_amplitude
+from tcs_friction.diagnose.fit.parameters import small_amplitude
+from tcs_friction.diagnose.search.projection import ProjectedResidual, probes
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Local, Place, Role, Survey, Term
 

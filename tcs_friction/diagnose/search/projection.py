@@ -19,7 +19,7 @@ import numpy as np
 from tcs_friction.diagnose.dataset.excitation import period, turns
 from tcs_friction.diagnose.fit.balance import TorqueBalance, noise_amplification
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.fit.parameters import amplitudes, bound_reached
+from tcs_friction.diagnose.fit.parameters import amplitudes, bound_reached, small_amplitude
 from tcs_friction.diagnose.fit.second_body import motion_gain
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Role, Survey, Term, instance
@@ -27,7 +27,6 @@ from tcs_friction.physics.terms import Instance, Role, Survey, Term, instance
 INDEPENDENT = 1e-9  # of the largest singular value: directions below it are rounding errors
 FEWEST_MOVING = 20  # samples from which their percentiles describe the speeds
 SLOW_PERCENTILE, FAST_PERCENTILE = 5, 99  # of the speeds
-SMALL_AMPLITUDES = {"": 0.01, "1/degC": 0.001, "rad": 1e-7}  # for effects that are only nearly linear in them; else 1
 
 
 class ProjectedResidual:
@@ -135,8 +134,3 @@ def probes(term: Term, shape: Mapping[str, float], signal_name: str | None) -> l
             turned = {phase.name: angle} if phase else {}
             result.append(instance(term, values | turned, signal=signal_name))
     return result
-
-
-def small_amplitude(unit: str) -> float:
-    """An amplitude in which effects are linear that are only nearly so."""
-    return SMALL_AMPLITUDES.get(unit, 1.0)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tcs_friction.diagnose.fit.parameters import amplitudes
-from tcs_friction.diagnose.search.projection import ProjectedResidual, probes, small_amplitude
+from tcs_friction.diagnose.fit.parameters import amplitudes, small_amplitude
+from tcs_friction.diagnose.search.projection import ProjectedResidual, probes
 from tcs_friction.physics.terms import Instance, Place, Role, Term, instance
 
 STARTS = 2  # of an effect that are kept
