@@ -104,7 +104,8 @@ def minimise(
     iterations: steps at most.
     relative, absolute: a step whose gain is no more than relative * |cost| or than absolute is the last one.
     longest: (p,) or one for all; no number moves farther in one step.
-    reuse: the derivatives serve for the next step, too, after one whose gain they foretold up to this share; 0: never.
+    reuse: the derivatives serve for the next step, too, after one whose gain they foretold up to this share; 0: never. Where they
+        then lead no farther they are taken anew.
     cancel: asked before every step.
 
     A cost or a derivative that is not finite at the start, or where a step led, ends the search with Outcome.UNDEFINED. A step
@@ -123,7 +124,7 @@ def minimise(
             break
         enough = max(absolute, relative * abs(cost))
         moving = ~objective.blocked(point, gradient) & (np.diag(normal) > 0.0)
-        promised, taken = 0.0, False
+        promised, taken, before = 0.0, False, damping
         for attempt in range(schedule.attempts):
             step = np.clip(_step(gradient, normal, moving, damping, schedule.floor), -longest, longest)
             foretold = -float(step @ (gradient + 0.5 * normal @ step))
@@ -134,15 +135,18 @@ def minimise(
                 taken = True
                 break
             damping *= schedule.tighten
+        if not taken and promised > enough and not renew:  # the derivatives were those of another point
+            renew, damping = True, before
+            continue
         if not taken:
             outcome = Outcome.CONVERGED if promised <= enough else Outcome.STAGNATED
             break
         damping = max(damping / schedule.ease, schedule.least)
         gain, point, cost, steps = cost - reached, trial, reached, steps + 1
-        renew = not abs(gain - foretold) < reuse * foretold
-        if gain <= enough:
+        if gain <= enough and (renew or foretold <= enough):
             outcome = Outcome.CONVERGED
             break
+        renew = not abs(gain - foretold) < reuse * foretold
     return Minimum(point, cost, gradient, normal, outcome, steps)
 
 

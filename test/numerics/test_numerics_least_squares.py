@@ -172,6 +172,16 @@ def test_derivatives_that_foretold_the_gain_serve_again() -> None:
     assert second.point == pytest.approx(first.point, rel=1e-6)
 
 
+@pytest.mark.parametrize("start", [[0.3, 5.0], [50.0, 9.0]])
+def test_derivatives_that_lead_no_farther_are_renewed(start: list[float]) -> None:
+    """Those of another point end no search: from these starts one step, and one that hardly gains, are foretold wrongly."""
+    curve = Curve(decay)
+    found = solved(curve, start, reuse=10.0)
+    assert found.outcome is Outcome.CONVERGED
+    assert found.point == pytest.approx([2.0, 1.5], rel=1e-6)
+    assert curve.linearised < found.steps
+
+
 def test_no_number_moves_farther_than_allowed() -> None:
     curve = Curve(decay)
     solved(curve, [50.0, 9.0], longest=np.array([0.5, np.inf]))
