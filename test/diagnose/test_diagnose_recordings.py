@@ -112,10 +112,11 @@ def test_pendulum_on_a_servo(shared_data: Path) -> None:
 
 
 def test_pendulum_on_a_soft_servo(shared_data: Path) -> None:
-    """Real, 6 s: gravity over a quarter of a turn comes first, and beside so much that is not understood it is no name."""
+    """Real, 6 s: gravity over a quarter of a turn, or a cable, comes first; beside so much that is not understood neither is named."""
     found = diagnosed(shared_data / "data" / "bam_sin_sin_kp200")
     assert found.effects == ()
-    assert found.described[0].effect == "imbalance"
+    first = found.described[0]
+    assert {first.effect, *(kind.effect for kind in first.equivalent)} >= {"imbalance", "cable_wrap"}
 
 
 def test_load_dependent_friction_of_a_servo_is_not_to_be_seen(shared_data: Path) -> None:

@@ -45,7 +45,7 @@ from tcs_friction.diagnose.search.laws import (
     other_laws,
     simplest_law,
 )
-from tcs_friction.diagnose.search.plausibility import doubt
+from tcs_friction.diagnose.search.plausibility import doubt, told_from_torque
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import (
     DISTINGUISHABLE,
@@ -257,7 +257,7 @@ def one_round(balance: TorqueBalance, fit: Fit, excluded: frozenset[str] = froze
         terms = [item.term for item in start.instances]
         return start.promise / dispersion - share * threshold(balance, terms, start.count, start.alternatives)
 
-    found = all_starts(projected, excluded)
+    found = [start for start in all_starts(projected, excluded) if told_from_torque(balance, fit.axis, start.instance)]
     by_kind: dict[tuple[Kind, ...], list[Start]] = {}
     for start in found:
         if beyond_chance(start, HALF_PROMISED) >= 0.0:
