@@ -112,7 +112,7 @@ def test_pendulum_on_a_servo(shared_data: Path) -> None:
 
 
 def test_pendulum_on_a_soft_servo(shared_data: Path) -> None:
-    """Real, 6 s: gravity over a quarter of a turn, or a cable, comes first; beside so much that is not understood neither is named."""
+    """Real, 6 s: gravity over a quarter of a turn, or a cable, comes first; beside so much that is unexplained it is no name."""
     found = diagnosed(shared_data / "data" / "bam_sin_sin_kp200")
     assert found.effects == ()
     first = found.described[0]
