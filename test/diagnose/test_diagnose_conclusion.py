@@ -428,13 +428,33 @@ def of_warmth(m: Motion) -> np.ndarray:
             lambda m: 60.0 * 0.05 * np.cos(m.q) * np.sign(m.v) + 0.3,
             False,
         ),
+        (
+            instance(effect("cogging"), {"order": 40.0, "amplitude": 3.0, "phase": 0.0}),
+            instance(effect("cogging"), {"order": 41.0, "amplitude": 0.3, "phase": 0.0}),
+            lambda m: 3.0 * np.cos(40.0 * m.q) + 0.3 * np.cos(41.0 * m.q),
+            True,
+        ),
+        (
+            instance(effect("wind_torque"), {"coefficient": 1.0}, signal="wind_speed"),
+            instance(effect("torque_bias"), {"bias": 0.3}),
+            lambda m: np.full(len(m.t), 0.3),
+            True,
+        ),
     ],
-    ids=["position and position", "wave", "event", "friction and friction", "friction and constant"],
+    ids=[
+        "position and position",
+        "wave",
+        "event",
+        "friction and friction",
+        "friction and constant",
+        "wave and wave",
+        "signal and constant",
+    ],
 )
 def test_an_effect_within_the_noise_is_described_only_where_a_much_larger_one_in_another_form_does_the_same(
     larger: Instance, small: Instance, torque: Callable[[Motion], np.ndarray], outshone: bool
 ) -> None:
-    """A spring that is not quite linear does what gravity does, but no wave and no step in time."""
+    """A spring that is not quite linear does what gravity does, but no wave and no step in time; wind acts in its mean, too."""
     proof, large, one = within_the_noise_beside(larger, small, torque)
     assert proof.outshone(one, [large, one], 2.0 * one.torque_rms) == outshone
 

@@ -58,6 +58,17 @@ def test_an_effect_led_astray_is_found_anew() -> None:
     assert found.axis.effects[0].values["time"] == pytest.approx(STEP, abs=0.3)
 
 
+def test_friction_with_a_slow_wave_led_astray_is_found_anew() -> None:
+    """Between its order and that of a wave that does something of its torque no derivative leads."""
+    balance, fit = settled(conditioned(np.random.default_rng(6), lambda m: 6.0 * np.cos(m.q) * np.sign(m.v)))
+    wave = instance(effect("position_dependent_friction"), {"order": 2.2, "amplitude": 0.02, "phase": 1.0})
+    astray = settle(balance, fit.axis.with_effect(wave), fit.noise, 1)
+    assert abs(astray.axis.effects[0].order - 1.0) > 0.5
+    (found,) = _placed_again(balance, astray, astray.axis.effects).axis.effects
+    assert found.order == pytest.approx(1.0, abs=0.02)
+    assert found.values["amplitude"] == pytest.approx(0.1, rel=0.05)
+
+
 def test_a_step_is_selected_and_nothing_else() -> None:
     """Load-dependent friction is not asked: all noise is in the torque here, which it can make smaller."""
     balance = TorqueBalance(conditioned(np.random.default_rng(7), step))

@@ -37,7 +37,7 @@ from tcs_friction.physics.terms import Instance, Parameter, Place, Role
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
 ECHO = 0.2  # of an effect's torque, that another one like it must have: form, gain and timing of the larger are known no better
-OUTSHONE = 0.3  # of another effect's torque, that one within the noise must have: its square is what another engine's effects at
+OUTSHONE = 0.3  # of another effect's torque, that one within what is left must have: its square is what other engines' effects at
 # least left of theirs (see agreement), because their form differs
 OUTSHONE_BY_SIGNAL = 0.5  # the same beside what acts through a recorded signal: wind, say, acts in another way as the axis turns
 LARGEST_EXPONENT = 30.0  # of odds: exp(-30) is none
@@ -54,7 +54,7 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
         found = [replace(one, established=one.established and not proof.cancelled(one.instance)) for one in found]
     found = [replace(one, established=one.established and not _in_the_mean_of_a_signal(one, found)) for one in found]
     named = [one for one in found if one.established]
-    found = [replace(one, established=one.established and not proof.outshone(one, named, floor)) for one in found]
+    found = [replace(one, established=one.established and not proof.outshone(one, named, max(floor, left))) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
 
 
@@ -92,13 +92,20 @@ class _Proof:
         count = max(len(fit.free) - len(lack.without.free), 1)
         return self._proven(item, (), self._parameters_of_law(lack), self._size(item), lack.gain, count)
 
-    def outshone(self, one: Found, named: Sequence[Found], floor: float) -> bool:
-        """Whether an effect is within the noise and small beside a named one, and that one in another form does what it does."""
+    def outshone(self, one: Found, named: Sequence[Found], left: float) -> bool:
+        """Whether an effect is within what is left (N m) and small beside a named one, which does the same in another form."""
         larger = [other for other in named if _far_larger(other, one)]
-        return one.torque_rms < floor and any(self._does_in_another_form(other.instance, one.instance) for other in larger)
+        return one.torque_rms < left and any(self._does_in_another_form(other.instance, one.instance) for other in larger)
 
     def _does_in_another_form(self, larger: Instance, item: Instance) -> bool:
-        """Whether an effect in another form than its term has gains nearly as much as another effect that is left out."""
+        """Whether an effect in another form than its term has gains nearly as much as another effect that is left out.
+
+        A wave whose amplitude changes in the turn has others on either side of it; at steady speed they are vibrations, or ring.
+        What acts through a signal acts in its mean, too.
+        """
+        waves = larger.term.periodic and (item.term.periodic or item.term.place is Place.BODY)
+        if waves or larger.signals:
+            return True
         projected = ProjectedResidual(self.balance, self.explanation.without(item))
         change = projected.residual - self.balance.residual(self.explanation.unmapped.axis, projected.noise)
         own = projected.gain(projected.project(projected.noise.whiten(change))[:, None])[0]

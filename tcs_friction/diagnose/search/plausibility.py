@@ -16,7 +16,7 @@ from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.search.matched_filter import FEWEST_PERIODS, ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
-from tcs_friction.diagnose.search.significance import IMPERFECT, chance
+from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place, Role, Survey
 
@@ -33,6 +33,7 @@ CONDITION = 30.0  # index from which columns depend strongly on each other (Bels
 LEFT_OVER = 2.0 / CONDITION  # of two equal torques with that index, when they cancel each other
 AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
+NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose by a whole order: both part by a twelfth of a period in the recording
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -127,7 +128,7 @@ def told_from_torque(balance: TorqueBalance, axis: Axis, item: Instance) -> bool
 def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     """Whether the order of a wave that has to close with the turn may be a whole number.
 
-    It may if that would lose no more than chance gives, or than is left of a wave that is not exactly known.
+    It may if that would lose no more than chance gives, or little of the wave: what else is missing moves its order.
     """
     if not item.term.whole or fit.axis.kind != "rotary":
         return True
@@ -137,7 +138,7 @@ def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     away = math.log(max(round(item.order), 1) / item.order)  # orders are fitted as logarithms
     white = fit.noise.whiten(own_torque(balance, fit, item))
     lost = away**2 / max(float(fit.covariance[k, k]), 1e-300)
-    return lost <= max(chance(1) * fit.squares.dispersion, IMPERFECT * float(white @ white))
+    return lost <= max(chance(1) * fit.squares.dispersion, NEARLY_WHOLE * float(white @ white))
 
 
 def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:

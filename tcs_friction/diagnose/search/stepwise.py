@@ -287,13 +287,13 @@ def _confused_with_collisions(fit: Fit) -> frozenset[str]:
 
 
 def _placed_again(balance: TorqueBalance, fit: Fit, items: Sequence[Instance]) -> Fit:
-    """The fit with those of these effects whose torque jumps with their shape where a search now puts each.
+    """The fit with those of these effects where a search now puts each whose torque jumps with its shape, or that is a slow wave.
 
     What was missing when they were found may have led them astray, and no joint fit, which follows derivatives, leads them back.
     """
     for old in items:
         item = next((x for x in fit.axis.effects if x.identity == old.identity), None)
-        if item is not None and item.term.discontinuous:
+        if item is not None and (item.term.discontinuous or (item.term.periodic == "position" and not item.term.whole)):
             fit = _placed_elsewhere(balance, fit, item) or fit
     return fit
 
@@ -306,7 +306,7 @@ def _placed_elsewhere(balance: TorqueBalance, fit: Fit, item: Instance) -> Fit |
     start = refined(projected, found[0]) if found else None
     if start is None or start.gain <= base.squares - fit.squares:
         base = taken_out(balance, fit, item)
-        start = _refined_in_place(ProjectedResidual(balance, base), item)
+        start = _refined_in_place(ProjectedResidual(balance, base), item) if item.term.discontinuous else None
     if start is None:
         return None
     placed = base.axis.with_effect(item.replace(**start.instance.values))
