@@ -1,8 +1,8 @@
 """Whether a torque in another form than its term has does what a smaller effect does.
 
 No term has exactly the form that a torque has on an axis: friction that follows the load also depends a little on speed and
-place, wind acts in another way as the axis turns. What the form does not meet comes back as regularly as an effect. In: the fit
-without the effect, and the larger torque T(t), N m. The other forms are
+place. What the form does not meet comes back as regularly as an effect. In: the fit without the effect, and the larger torque
+T(t), N m. The other forms are
 
     T(t) (f(position) + g(speed) + h(own coordinate))
 
@@ -38,9 +38,8 @@ def gain_in_other_forms(projected: ProjectedResidual, torque: np.ndarray, larger
 
 def _coordinates(data: DataSet, item: Instance) -> list[np.ndarray]:
     """What the form of an effect may depend on, (n,) each: position, speed, and what its term has."""
-    found = [data.joined("position"), np.abs(data.joined("velocity"))]
-    own = f"exogenous:{item.signal}" if item.signal else item.term.coordinate
-    return [*found, values_of(data, own)] if item.signal or own in OWN else found
+    found, own = [data.joined("position"), np.abs(data.joined("velocity"))], item.term.coordinate
+    return [*found, values_of(data, own)] if own in OWN else found
 
 
 def _weights(x: np.ndarray) -> list[np.ndarray]:
