@@ -473,6 +473,21 @@ def test_what_is_beyond_the_noise_or_not_much_smaller_is_named_beside_a_larger_e
     assert not _far_larger(large, one)
 
 
+def test_what_is_left_of_held_out_data_hides_small_effects_as_the_noise_does() -> None:
+    """A noise floor that says too little names nothing."""
+    sizes = {40.0: 3.0, 47.0: 0.3}
+    waves = [instance(effect("cogging"), {"order": order, "amplitude": size, "phase": 0.0}) for order, size in sizes.items()]
+    data = conditioned(np.random.default_rng(3), lambda m: 3.0 * np.cos(40.0 * m.q) + 0.3 * np.cos(47.0 * m.q), seconds=80.0)
+    balance, retuned = settled(data)
+    both = unfitted(balance, axis().with_effect(waves[0]).with_effect(waves[1]), retuned.noise, KNOWN)
+    contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
+    explanation = Explanation(retuned, both, both, None, (), contests)
+    assert rms(balance.residual(both.axis, both.noise)[balance.held_out]) > 0.25 > 0.3 / math.sqrt(2.0)
+    found = found_effects(balance, explanation, axis(), 0.01)
+    assert [one.established for one in found] == [True, False]
+    assert min(one.probability for one in found) > 0.9, "small as it is, it is sure beside nothing larger"
+
+
 def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(two_found: tuple[Found, Found]) -> None:
     large, small = two_found
     wind = replace(large, instance=instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed"), established=False)

@@ -12,6 +12,7 @@ from concealed_torque_cases import DT, conditioned, settled, unfitted
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.search.plausibility import Doubt, doubt, told_from_torque
+from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance
 
@@ -88,3 +89,16 @@ def test_friction_with_a_wave_is_told_from_a_torque_where_it_is_passed_both_ways
         torque = instance(effect("cogging"), {"order": order, "amplitude": 1.0, "phase": 0.0})
         assert told_from_torque(balance, fit.axis, friction) is told
         assert told_from_torque(balance, fit.axis, torque)
+
+
+def test_an_order_may_be_whole_if_that_loses_little_of_the_wave(fitted: tuple[TorqueBalance, Fit]) -> None:
+    """What else is missing moves an order by more than the noise says, but a wave that fits no turn loses more than that."""
+    balance, fit = fitted
+    item = instance(effect("cogging"), {"order": 40.01, "amplitude": 20.0, "phase": 0.0})
+    waved = fit.axis.with_effect(item)
+    white = fit.noise.whiten(balance.torque_residual(fit.axis) - balance.torque_residual(waved))
+    own, away = float(white @ white), math.log(40.01 / 40.0)
+    assert 0.01 * own > chance(1) * fit.squares.dispersion
+    for share, expected in ((0.01, None), (0.03, Doubt.NOT_WHOLE)):
+        known = unfitted(balance, waved, fit.noise, variance=away**2 / (share * own))
+        assert doubt(balance, known, item, fit.axis) is expected

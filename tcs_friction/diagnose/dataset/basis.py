@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy import sparse
 
 
 class Basis(Protocol):
@@ -57,6 +58,16 @@ class Hats:
     def roughness(self) -> np.ndarray:
         steps = np.diff(np.eye(self.count), axis=0)
         return np.asarray(steps.T @ steps)
+
+
+def hats(x: np.ndarray, count: int) -> sparse.csr_array:
+    """Hats over all of a series' values (n, count), none where it does not vary."""
+    lower, upper = float(x.min()), float(x.max())
+    if not upper - lower > 1e-12 * max(abs(lower), abs(upper), math.ulp(1.0)):
+        return sparse.csr_array((len(x), 0))
+    index, value = Hats("", lower, upper, count).evaluate(x)
+    ends = np.arange(0, index.size + 1, index.shape[1])
+    return sparse.csr_array((value.ravel(), index.ravel(), ends), shape=(len(x), count))
 
 
 @dataclass(frozen=True)

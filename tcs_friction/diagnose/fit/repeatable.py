@@ -7,12 +7,10 @@ repeats is taken out before the noise is estimated. These few dozen functions le
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy import linalg, sparse
 
-from tcs_friction.diagnose.dataset.basis import Hats
+from tcs_friction.diagnose.dataset.basis import hats
 from tcs_friction.diagnose.dataset.data_set import DataSet
 
 SAMPLES_PER_NODE = 60.0  # effective ones, for each node over the position: the fit takes less than 2 % of the noise
@@ -51,17 +49,7 @@ def _columns(data: DataSet, train: np.ndarray) -> sparse.csr_array:
         if spread > 0.0:
             z = (x - float(np.mean(x))) / spread
             smooth += [z, z * np.abs(z), z * direction, z * v]
-    over_place = _hats(q, places)
+    over_place = hats(q, places)
     parts = [over_place, sparse.diags_array(direction) @ over_place]
-    parts += [_hats(compressed, max(5, places // 2)), _hats(t, max(2, places // 2))]
+    parts += [hats(compressed, max(5, places // 2)), hats(t, max(2, places // 2))]
     return sparse.csr_array(sparse.hstack([sparse.csr_array(np.stack(smooth, axis=1)), *parts]))
-
-
-def _hats(x: np.ndarray, count: int) -> sparse.csr_array:
-    """(n, count), none where x does not vary."""
-    lower, upper = float(x.min()), float(x.max())
-    if not upper - lower > 1e-12 * max(abs(lower), abs(upper), math.ulp(1.0)):
-        return sparse.csr_array((len(x), 0))
-    index, value = Hats("", lower, upper, count).evaluate(x)
-    ends = np.arange(0, index.size + 1, index.shape[1])
-    return sparse.csr_array((value.ravel(), index.ravel(), ends), shape=(len(x), count))

@@ -12,9 +12,9 @@ with any continuous functions f, g, h that are linear between nodes, and their g
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import sparse, stats
 
-from tcs_friction.diagnose.dataset.basis import Hats
+from tcs_friction.diagnose.dataset.basis import hats
 from tcs_friction.diagnose.dataset.coordinates import values_of
 from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.search.projection import ProjectedResidual
@@ -30,8 +30,8 @@ def gain_in_other_forms(projected: ProjectedResidual, torque: np.ndarray, larger
     larger: the effect whose torque it is.
     """
     data = projected.balance.data
-    changes = (torque * weight for x in _coordinates(data, larger) for weight in _weights(x))
-    columns = projected.project(np.stack([projected.noise.whiten(change) for change in changes], axis=1))
+    weights = sparse.hstack([hats(stats.rankdata(x), NODES) for x in _coordinates(data, larger)]).toarray()
+    columns = projected.project(np.stack([projected.noise.whiten(torque * weight) for weight in weights.T], axis=1))
     norms = np.linalg.norm(columns, axis=0)
     return projected.gain(columns / np.where(norms > 0.0, norms, 1.0))[0] - columns.shape[1] * projected.dispersion
 
@@ -40,11 +40,3 @@ def _coordinates(data: DataSet, item: Instance) -> list[np.ndarray]:
     """What the form of an effect may depend on, (n,) each: position, speed, and what its term has."""
     found, own = [data.joined("position"), np.abs(data.joined("velocity"))], item.term.coordinate
     return [*found, values_of(data, own)] if own in OWN else found
-
-
-def _weights(x: np.ndarray) -> list[np.ndarray]:
-    """The hats (n,) over a coordinate (n,); none where it does not vary."""
-    if not np.ptp(x) > 0.0:
-        return []
-    index, value = Hats("", 1.0, len(x), NODES).evaluate(stats.rankdata(x))
-    return [np.sum(np.where(index == k, value, 0.0), axis=1) for k in range(NODES)]

@@ -93,23 +93,25 @@ class _Proof:
         return self._proven(item, (), self._parameters_of_law(lack), self._size(item), lack.gain, count)
 
     def outshone(self, one: Found, named: Sequence[Found], left: float) -> bool:
-        """Whether an effect is within what is left (N m) and small beside a named one, which does the same in another form."""
-        larger = [other for other in named if _far_larger(other, one)]
-        return one.torque_rms < left and any(self._does_in_another_form(other.instance, one.instance) for other in larger)
-
-    def _does_in_another_form(self, larger: Instance, item: Instance) -> bool:
-        """Whether an effect in another form than its term has gains nearly as much as another effect that is left out.
+        """Whether an effect is within what is left (N m) and small beside a named one, which does the same in another form.
 
         A wave whose amplitude changes in the turn has others on either side of it; at steady speed they are vibrations, or ring.
         What acts through a signal acts in its mean, too.
         """
-        waves = larger.term.periodic and (item.term.periodic or item.term.place is Place.BODY)
-        if waves or larger.signals:
+        if one.torque_rms >= left:
+            return False
+        item, larger = one.instance, [other.instance for other in named if _far_larger(other, one)]
+        swings = item.term.periodic or item.term.place is Place.BODY
+        if any(other.signals or (other.term.periodic and swings) for other in larger):
             return True
+        return bool(larger) and self._done_in_another_form(item, larger)
+
+    def _done_in_another_form(self, item: Instance, larger: Sequence[Instance]) -> bool:
+        """Whether another effect in another form than its term has gains nearly as much as one that is left out."""
         projected = ProjectedResidual(self.balance, self.explanation.without(item))
         change = projected.residual - self.balance.residual(self.explanation.unmapped.axis, projected.noise)
         own = projected.gain(projected.project(projected.noise.whiten(change))[:, None])[0]
-        return gain_in_other_forms(projected, self._torque(larger), larger) > NEARLY * own
+        return any(gain_in_other_forms(projected, self._torque(other), other) > NEARLY * own for other in larger)
 
     def _torque(self, item: Instance) -> np.ndarray:
         """Torque (n,) of an effect of the improved axis or its law, N m."""

@@ -11,6 +11,7 @@ vocabulary that completes a law by it, and is named only if no law without that 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -116,16 +117,16 @@ def law_candidates(
     projected = ProjectedResidual(balance, fit)
     sources = [fit.axis, replace(fit.axis, friction=believed.friction)]
     views = [survey(balance, source) for source in sources]
-    starts = list[Axis]()
+    begun = list[Axis]()
     for term in terms:
         axes = [axis for source, view in zip(sources, views, strict=True) for axis in starting_axes(source, term, view)]
-        starts += _best_starts(projected, term, axes)
-    first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), starts)
+        begun += _best_starts(projected, term, axes)
+    first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), begun)
     least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)
     close = [one for one in _best_of_each_law(first) if one.squares.value <= FAR_WORSE * least]
     more = side_by_side(lambda one: fit_jointly(balance, one.axis, one.noise, MORE_STEPS), close)
     finished = {one.axis.friction.term.id: one for one in sorted(more, key=lambda one: -one.squares.value)}
-    alternatives = float(max(len(starts), 1))
+    alternatives = float(max(len(begun), 1))
     judged = side_by_side(
         partial(_judged, balance, fit, views, projected.dispersion, alternatives), list(finished.values())
     )
@@ -321,7 +322,8 @@ def lacks(balance: TorqueBalance, fit: Fit, believed: Axis) -> tuple[Fit, tuple[
         candidates = law_candidates(balance, fit, others, believed)
         fits = [one.fit for one in sorted(candidates, key=lambda one: (not one.plausible, loss(one.fit)))]
         fewer = [one for one in fits if one.axis.friction.term.features < better.features]
-        for simpler in (*fewer, *(more for one in fewer for more in _with_effects_alike(balance, one, effect))):
+        beside = (more for one in fewer for more in _with_effects_alike(balance, one, effect))
+        for simpler in itertools.chain(fewer, beside):
             needed = threshold(balance, [better], max(len(fit.free) - len(simpler.free), 1))
             if loss(simpler) < needed:
                 return lacks(balance, settle(balance, simpler.axis, simpler.noise, rounds=1), believed)

@@ -33,7 +33,7 @@ CONDITION = 30.0  # index from which columns depend strongly on each other (Bels
 LEFT_OVER = 2.0 / CONDITION  # of two equal torques with that index, when they cancel each other
 AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
-NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose by a whole order: both part by a twelfth of a period in the recording
+NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 

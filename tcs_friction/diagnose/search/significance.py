@@ -25,8 +25,7 @@ NOISE_SHARE = 0.006  # of the noise power, that effects which feed on noise must
 # explains a share of it however long the recording is, and no test of significance sees that
 IMPERFECT = 1e-3  # of the power that effects explain, that their errors may leave to others: they are known to about 3 %
 IMPERFECT_AT_MOST = 0.02  # the same at most, of the noise power
-FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say,
-# and no more than all that is left
+FEEDBACK_SHARE = 0.02  # of a gain: what noise in motion and torque does to it through the feedback, whatever its statistics say
 
 
 def chance(count: int, alternatives: float = 1.0) -> float:

@@ -12,7 +12,7 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy import ndimage
@@ -107,12 +107,11 @@ def select_effects(
     fit, rounds = base, list[tuple[Candidate, ...]]()
     alternatives: dict[Kind, float] = {}
     law_is_open, met, refused = True, {_kinds(fit.axis)}, set[frozenset[tuple[Kind, float]]]()
-    asked, everything = None, list[Candidate]()
+    searched = lru_cache(maxsize=1)(partial(one_round, balance))  # after a refusal the fit is the same
     for number in range(MOST_EFFECTS + MOST_LAWS):
         progress(min(0.2 + 0.1 * number, 0.7), f"round {number + 1}: {len(fit.axis.effects)} effects")
-        if fit is not asked:  # after a refusal it is, and has the same candidates
-            asked, everything = fit, one_round(balance, fit, excluded | _confused_with_collisions(fit))
-        candidates = [c for c in everything if _kinds(c.fit.axis) not in refused]
+        candidates = searched(fit, excluded | _confused_with_collisions(fit))
+        candidates = [c for c in candidates if _kinds(c.fit.axis) not in refused]
         best = _worth_adding(balance, base, fit, candidates)
         if law_is_open or best is None or any(item.term.features for item in best.items):
             law = _better_law(balance, base, fit, believed, excluded, best)
