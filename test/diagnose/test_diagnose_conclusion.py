@@ -13,13 +13,12 @@ from concealed_torque_cases import Motion, axis, conditioned, settled, unfitted
 
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
-from tcs_friction.diagnose.fit.joint_fit import Fit
+from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.proof import (
     _far_larger,
-    _in_the_mean_of_a_signal,
     _Proof,
     _resolved,
     found_effects,
@@ -488,18 +487,43 @@ def test_what_is_left_of_held_out_data_hides_small_effects_as_the_noise_does() -
     assert min(one.probability for one in found) > 0.9, "small as it is, it is sure beside nothing larger"
 
 
-def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only(two_found: tuple[Found, Found]) -> None:
-    large, small = two_found
-    wind = replace(large, instance=instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed"), established=False)
-    gravity = replace(small, instance=instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0}))
-    bias = replace(small, instance=instance(effect("torque_bias"), {"bias": 1.0}))
-    cogging = replace(small, instance=instance(effect("cogging"), {"order": 40.0, "amplitude": 1.0, "phase": 0.0}))
-    assert _in_the_mean_of_a_signal(gravity, [wind, gravity])
-    assert _in_the_mean_of_a_signal(bias, [wind, bias])
-    assert not _in_the_mean_of_a_signal(cogging, [wind, cogging]), "no wind has waves over the position"
-    assert not _in_the_mean_of_a_signal(gravity, [replace(wind, established=True), gravity])
+def wind_and_gravity(torque: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> tuple[_Proof, Found, Found]:
+    """Proofs of wind and of gravity, fitted to a torque that position and wind speed, (n,) each, give."""
+    still = conditioned(np.random.default_rng(3))
+    (stretch,) = still.stretches
+    blowing = stretch.signals + np.array([[0.0], [6.0]])
+    pushed = replace(stretch, signals=blowing, torque=stretch.torque + torque(stretch.position, blowing[1]))
+    balance, retuned = settled(replace(still, stretches=(pushed,)))
+    wind = instance(effect("wind_torque"), {"coefficient": 0.05}, signal="wind_speed")
+    gravity = instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.5 * math.pi})
+    both = settle(balance, axis().with_effect(wind).with_effect(gravity), retuned.noise)
+    contests = []
+    for item in both.axis.effects:
+        without = settle(balance, both.axis.without_effect(item), both.noise)
+        contests.append(replace(contest(balance, both, item.identity), without=without))
+    proof = _Proof(balance, Explanation(retuned, both, both, None, (), tuple(contests)))
+    return proof, *map(proof.found, both.axis.effects)
+
+
+def test_gravity_that_wind_of_another_form_does_is_described_only() -> None:
+    """A panel that turns its face away is gravity in the mean, as large as the wind or not."""
+    for panel, gravity in ((lambda q: np.cos(q) ** 2, 0.0), (np.ones_like, 1.0)):
+        proof, wind, small = wind_and_gravity(lambda q, w, f=panel, g=gravity: 0.05 * f(q) * w * np.abs(w) + g * np.cos(q))
+        for one in (small, replace(small, torque_rms=2.0 * wind.torque_rms)):
+            assert proof.in_the_mean_of_a_signal(one, [wind, one]) == (gravity == 0.0)
+        assert not proof.in_the_mean_of_a_signal(small, [small])
+
+
+def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only() -> None:
+    proof, wind, gravity = wind_and_gravity(lambda q, w: 0.05 * w * np.abs(w) + np.cos(q))
+    wrong = replace(wind, established=False)
+    assert gravity.torque_rms < wind.torque_rms
+    assert proof.in_the_mean_of_a_signal(gravity, [wrong, gravity])
+    cogging = replace(gravity, instance=instance(effect("cogging"), {"order": 40.0, "amplitude": 1.0, "phase": 0.0}))
+    assert not proof.in_the_mean_of_a_signal(cogging, [wrong, cogging]), "no wind has waves over the position"
+    assert not proof.in_the_mean_of_a_signal(gravity, [replace(wind, established=True), gravity])
     larger = replace(gravity, torque_rms=2.0 * wind.torque_rms)
-    assert not _in_the_mean_of_a_signal(larger, [wind, larger])
+    assert not proof.in_the_mean_of_a_signal(larger, [wrong, larger])
 
 
 def test_of_effects_that_take_each_other_away_none_is_named_where_more_is_left_than_noise(

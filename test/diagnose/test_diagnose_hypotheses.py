@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 from closed_loop_cases import telescope
-from concealed_torque_cases import Motion, axis, conditioned, settled
+from concealed_torque_cases import DT, Motion, axis, conditioned, settled
 
 from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.dataset.preprocessing import prepare
@@ -21,7 +21,7 @@ from tcs_friction.diagnose.search import hypotheses
 from tcs_friction.diagnose.search.hypotheses import all_starts, pairs_of_starts, refined, starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.start import Kind, Start
-from tcs_friction.diagnose.search.waves import _leads
+from tcs_friction.diagnose.search.waves import _leads, told_from_torque, wave_start
 from tcs_friction.physics.registry import effect, effects
 from tcs_friction.physics.terms import Term, instance
 
@@ -157,3 +157,21 @@ def test_a_kind_is_an_effect_and_the_signal_that_it_acts_through() -> None:
     known = fit.axis.with_effect(instance(effect("exogenous"), {"linear": 1.0}, signal="flow"))
     found = {start.kinds for start in all_starts(ProjectedResidual(balance, replace(fit, axis=known)), others)}
     assert found == {(Kind("exogenous", "pressure"),), (Kind("torque_bias"),)}
+
+
+@pytest.mark.parametrize("periods", [0.6, 3.0])
+def test_a_wave_of_friction_is_told_from_a_torque_with_the_same_wave(periods: float) -> None:
+    """It goes on for 41 s, then back, over so many periods: what the wave does on the way back tells the two apart."""
+    friction, cogging = effect("position_dependent_friction"), effect("cogging")
+    still = conditioned(np.random.default_rng(1), seconds=80.0).joined("velocity")
+    order = periods * 2.0 * math.pi / (DT * float(-still[still < 0.0].sum()))
+    for sign, told in ((np.sign, True), (np.ones_like, False)):
+        data = conditioned(np.random.default_rng(1), lambda m, s=sign: 3.0 * np.cos(order * m.q) * s(m.v), seconds=80.0)
+        projected = ProjectedResidual(*settled(data))
+        found = wave_start(projected, friction, order, 1.0)
+        assert found is not None
+        assert found.promise > 100.0, "one way they are the same"
+        assert told_from_torque(projected, found) is told
+        torque = wave_start(projected, cogging, order, 1.0)
+        assert torque is not None
+        assert told_from_torque(projected, torque)

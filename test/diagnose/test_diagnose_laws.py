@@ -112,6 +112,19 @@ def test_bristles_that_went_astray_do_not_keep_a_law_from_being_found() -> None:
     assert found.fit.axis.friction.values["stiffness"] == pytest.approx(LUGRE["stiffness"], rel=0.1)
 
 
+@pytest.mark.parametrize("known", [False, True])
+def test_a_law_takes_over_the_parts_that_effects_have_of_it(known: bool) -> None:
+    """A drop that was added to a law without one, and a law with a drop, are one drop; a believed effect stays."""
+    drop = instance(effect("stribeck"), {"drop": 30.0, "stribeck_velocity": 1e-3})
+    gravity = instance(effect("imbalance"), {"amplitude": 1.0, "phase": 0.0})
+    plain = with_law("coulomb_viscous", 1.1)
+    balance = TorqueBalance(prepare([tracked("stribeck_static")], at_rest=False))
+    fit = settle(balance, plain.with_effect(drop).with_effect(gravity), white_noise(balance.samples), rounds=1)
+    believed = plain.with_effect(drop) if known else plain
+    (found,) = laws.law_candidates(balance, fit, [law("stribeck_static")], believed)
+    assert [item.term.id for item in found.fit.axis.effects] == (["stribeck", "imbalance"] if known else ["imbalance"])
+
+
 def test_a_better_law_that_an_effect_comes_before_is_taken_beside_it() -> None:
     """The bias does more than the free curve: the curve's turn comes once the bias is in."""
     recording = tracked("free_curve")

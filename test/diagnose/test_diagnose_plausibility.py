@@ -11,7 +11,7 @@ from concealed_torque_cases import DT, conditioned, settled, unfitted
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit
-from tcs_friction.diagnose.search.plausibility import Doubt, doubt, told_from_torque
+from tcs_friction.diagnose.search.plausibility import Doubt, doubt
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance
@@ -75,20 +75,6 @@ def test_an_effect_that_cannot_be_what_it_says_is_doubted(
 def test_a_mode_that_does_not_ring_is_impossible() -> None:
     assert not effect("flexible_mode").warn({"frequency": 20.0, "damping": 0.1, "inertia_ratio": 0.3})
     assert "resonance" in effect("flexible_mode").warn({"frequency": 3.0, "damping": 0.9, "inertia_ratio": 0.3})[0]
-
-
-def test_friction_with_a_wave_is_told_from_a_torque_where_it_is_passed_both_ways() -> None:
-    """One way they are the same: a motor that swings in its detents while it turns goes back, but over no whole wave."""
-    balance, fit = settled(conditioned(np.random.default_rng(1), seconds=60.0))  # it goes on for 41 s, then back
-    velocity = balance.data.joined("velocity")[balance.train]
-    back = DT * float(-velocity[velocity < 0.0].sum())
-    assert 0.1 < back < DT * float(velocity[velocity > 0.0].sum())
-    for periods, told in ((0.9, False), (1.1, True)):
-        order = periods * 2.0 * math.pi / back
-        friction = instance(effect("position_dependent_friction"), {"order": order, "amplitude": 0.1, "phase": 0.0})
-        torque = instance(effect("cogging"), {"order": order, "amplitude": 1.0, "phase": 0.0})
-        assert told_from_torque(balance, fit.axis, friction) is told
-        assert told_from_torque(balance, fit.axis, torque)
 
 
 def test_an_order_may_be_whole_if_that_loses_little_of_the_wave(fitted: tuple[TorqueBalance, Fit]) -> None:

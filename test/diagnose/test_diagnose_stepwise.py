@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,8 +26,9 @@ from tcs_friction.diagnose.search.stepwise import (
     close_behind,
     pruned,
 )
+from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, effects
-from tcs_friction.physics.terms import instance
+from tcs_friction.physics.terms import Instance, instance
 
 STEP = 100.37  # s
 MOMENT, ONE_SWEEP = 19.0, 41.0  # s
@@ -208,6 +210,24 @@ def test_of_two_that_gain_nearly_the_same_in_a_round_the_better_fit_is_taken(gai
     chosen, left = _best_of_two_close(balance, axis(), best, [best, second])
     assert [item.term.id for item in left.axis.effects] == [name]
     assert chosen is (second if name == "cogging" else best)
+
+
+@pytest.mark.parametrize(("gain", "names"), [(99.0, ["cogging"]), (97.0, ["cogging", "torque_bias"])])
+def test_of_a_pair_one_effect_that_gains_nearly_all_is_taken_alone(gain: float, names: list[str]) -> None:
+    """A wave is there and a small bias: the pair fits better, but what the other one is shows better beside the first."""
+    data = conditioned(np.random.default_rng(12), lambda m: np.cos(40.0 * m.q) + 0.1, seconds=80.0)
+    balance, fit = settled(data)
+    wave = instance(effect("cogging"), {"order": 40.0, "amplitude": 1.0, "phase": 0.0})
+    bias = instance(effect("torque_bias"), {"bias": 0.1})
+
+    def candidate(gain: float, *items: Instance) -> Candidate:
+        fitted = settle(balance, functools.reduce(Axis.with_effect, items, fit.axis), fit.noise, 1)
+        return Candidate(gain, 20.0, fitted, replace(start("cogging", gain), instances=items))
+
+    both, lone = candidate(100.0, wave, bias), candidate(gain, wave)
+    chosen, left = _best_of_two_close(balance, axis(), both, [both, lone])
+    assert [item.term.id for item in left.axis.effects] == names
+    assert chosen is (lone if len(names) == 1 else both)
 
 
 def test_what_takes_an_earlier_effect_with_it_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,7 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     if rms(proof.residual(proof.fit.axis)[balance.train]) > COMPLETE * floor:
         found = [replace(one, established=one.established and not proof.cancelled(one.instance)) for one in found]
-    found = [replace(one, established=one.established and not _in_the_mean_of_a_signal(one, found)) for one in found]
+    found = [replace(one, established=one.established and not proof.in_the_mean_of_a_signal(one, found)) for one in found]
     named = [one for one in found if one.established]
     found = [replace(one, established=one.established and not proof.outshone(one, named, max(floor, left))) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
@@ -105,6 +105,17 @@ class _Proof:
         if any(other.signals or (other.term.periodic and swings) for other in larger):
             return True
         return bool(larger) and self._done_in_another_form(item, larger)
+
+    def in_the_mean_of_a_signal(self, one: Found, found: Sequence[Found]) -> bool:
+        """Whether a torque over the position may be what acts through a recorded signal, which has another size at every place.
+
+        Wind on a panel that turns is gravity in the mean. What acts through the signal does then in another form what that torque
+        does, or is larger and itself not established.
+        """
+        others = [other for other in found if other.instance.signals] if one.instance.term.slow_over_position else []
+        if any(one.torque_rms < other.torque_rms for other in others if not other.established):
+            return True
+        return bool(others) and self._done_in_another_form(one.instance, [other.instance for other in others])
 
     def _done_in_another_form(self, item: Instance, larger: Sequence[Instance]) -> bool:
         """Whether another effect in another form than its term has gains nearly as much as one that is left out."""
@@ -235,15 +246,6 @@ class _Proof:
         after = int(np.clip(np.searchsorted(t, moment), 1, len(t) - 1))
         gap = max(float(t[after] - t[after - 1]), 1.0 / self.balance.data.cutoff)
         return gap / math.sqrt(3.0)
-
-
-def _in_the_mean_of_a_signal(one: Found, found: Sequence[Found]) -> bool:
-    """Whether a torque over the position is smaller than what acts through a recorded signal and is itself not established.
-
-    The signal's mean acts at every place in another way: wind on a panel that turns is gravity in the mean.
-    """
-    through_signals = [other for other in found if other.instance.signals and not other.established]
-    return one.instance.term.slow_over_position and any(one.torque_rms < other.torque_rms for other in through_signals)
 
 
 def _far_larger(other: Found, one: Found) -> bool:

@@ -24,6 +24,7 @@ from tcs_friction.diagnose.fit.noise_estimate import misfit
 from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_as_fitted
+from tcs_friction.diagnose.search.harmonics import added_effects
 from tcs_friction.diagnose.search.hypotheses import eligible, starts
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
@@ -120,6 +121,7 @@ def law_candidates(
     begun = list[Axis]()
     for term in terms:
         axes = [axis for source, view in zip(sources, views, strict=True) for axis in starting_axes(source, term, view)]
+        axes = [_without_parts_of_the_law(axis, believed) for axis in axes]
         begun += _best_starts(projected, term, axes)
     first = side_by_side(lambda axis: fit_jointly(balance, axis, fit.noise, FIRST_STEPS), begun)
     least = min((one.squares.value for one in [*first, *[fit] * beside_own]), default=0.0)
@@ -207,6 +209,14 @@ def starting_axes(axis: Axis, term: Term, view: Survey) -> list[Axis]:
         if len(given) == len(values):
             found.setdefault(tuple(given.values()), replace(axis, friction=instance(term, given)))
     return list(found.values())
+
+
+def _without_parts_of_the_law(axis: Axis, believed: Axis) -> Axis:
+    """The axis without effects beyond the believed ones that complete a law by what its own law has."""
+    parts = [item for item in added_effects(axis, believed) if item.term.features]
+    for item in parts:
+        axis = axis.without_effect(item) if item.term.features <= axis.friction.term.features else axis
+    return axis
 
 
 def _starting_value(

@@ -115,16 +115,6 @@ def _side_line(balance: TorqueBalance, axis: Axis, item: Instance, other: Instan
     return one <= SIDE_SIZE * two and parted < 2.0 * math.pi * SIDE_PERIODS
 
 
-def told_from_torque(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
-    """Whether the axis passes a wave of friction at least once either way: one way a torque with the same wave is the same."""
-    if item.term.place is not Place.SCALE or item.term.periodic != "position":
-        return True
-    data = balance.data
-    velocity = data.joined("velocity")[balance.train & data.moving()]
-    travelled = min(float(velocity[velocity > 0.0].sum()), -float(velocity[velocity < 0.0].sum())) * data.dt
-    return item.order * axis.cycle * travelled >= 2.0 * math.pi
-
-
 def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     """Whether the order of a wave that has to close with the turn may be a whole number.
 

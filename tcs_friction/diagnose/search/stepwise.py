@@ -45,7 +45,7 @@ from tcs_friction.diagnose.search.laws import (
     other_laws,
     simplest_law,
 )
-from tcs_friction.diagnose.search.plausibility import doubt, told_from_torque
+from tcs_friction.diagnose.search.plausibility import doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import (
     DISTINGUISHABLE,
@@ -57,6 +57,7 @@ from tcs_friction.diagnose.search.significance import (
     threshold,
 )
 from tcs_friction.diagnose.search.start import Kind, Start, follows_load, judged_linear, kind_of
+from tcs_friction.diagnose.search.waves import told_from_torque
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Term
@@ -189,6 +190,9 @@ def _best_of_two_close(
         simple = one.threshold <= best.threshold and one.kinds != best.kinds
         return simple and one.score > 0.0 and one.gain > (1.0 - FEEDBACK_SHARE) * best.gain
 
+    alone = next((one for one in candidates if _does_it_alone(one, best)), None)
+    if alone is not None:
+        return alone, settled(alone)
     fit, other = settled(best), next(filter(near, candidates), None)
     if other is None:
         return best, fit
@@ -198,6 +202,11 @@ def _best_of_two_close(
         return balance.squares(fit.axis, noise) - balance.squares(instead.axis, noise) > 0.0
 
     return (other, instead) if gains(fit.noise) and gains(instead.noise) else (best, fit)
+
+
+def _does_it_alone(one: Candidate, pair: Candidate) -> bool:
+    """Whether one of a pair gains nearly as much without the other, which is better looked for when the first is known."""
+    return set(one.kinds) < set(pair.kinds) and one.score > 0.0 and one.gain > (1.0 - FEEDBACK_SHARE) * pair.gain
 
 
 def _better_law(
@@ -256,7 +265,7 @@ def one_round(balance: TorqueBalance, fit: Fit, excluded: frozenset[str] = froze
         terms = [item.term for item in start.instances]
         return start.promise / dispersion - share * threshold(balance, terms, start.count, start.alternatives)
 
-    found = [start for start in all_starts(projected, excluded) if told_from_torque(balance, fit.axis, start.instance)]
+    found = [start for start in all_starts(projected, excluded) if told_from_torque(projected, start)]
     by_kind: dict[tuple[Kind, ...], list[Start]] = {}
     for start in found:
         if beyond_chance(start, HALF_PROMISED) >= 0.0:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.search.matched_filter import noise_excess, order_spectrum, same_wave
+from tcs_friction.diagnose.search.matched_filter import noise_excess, order_spectrum, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import ProjectedResidual, probes
 from tcs_friction.diagnose.search.start import (
     GAIN_PER_NUMBER,
@@ -21,10 +21,11 @@ from tcs_friction.diagnose.search.start import (
     with_best_amplitudes,
     with_multiples,
 )
-from tcs_friction.physics.terms import Instance, Survey, Term
+from tcs_friction.physics.terms import Instance, Place, Survey, Term
 
 FUNDAMENTAL_GAIN = 0.05  # of a peak's gain, that an order of which it is a harmonic must add
 FUNDAMENTAL_SIZE = 0.5  # of the largest harmonic, that the first one must have
+BESIDE_TORQUE = 0.5  # of the gain of a wave of friction, that it must gain beside a torque with the same wave
 PEAKS = 3  # of a spectrum that are tried exactly
 PEAK_SPACING = 3  # grid points between two of them: less is one peak
 
@@ -75,6 +76,19 @@ def wave_start(
     columns = projected.columns(wave)
     start = with_best_amplitudes(projected, term, values, None, alternatives, columns)
     return None if start is None else _without_idle_harmonics(projected, start, columns)
+
+
+def told_from_torque(projected: ProjectedResidual, start: Start) -> bool:
+    """Whether a wave of friction gains beside a torque with the same wave, which it is where the axis moves one way only."""
+    item = start.instance
+    if item.term.place is not Place.SCALE or item.term.periodic != "position":
+        return True
+    angle = item.order * wave_angle(projected.balance, projected.axis, item.term)
+    torque = np.stack([projected.noise.whiten(wave(angle)) for wave in (np.cos, np.sin)], axis=1)
+    basis = np.linalg.qr(projected.project(torque))[0]
+    columns = projected.columns(probes(item.term, {item.term.order.name: item.order}, None))
+    beside, _ = projected.gain(columns - basis @ (basis.T @ columns))
+    return beside > BESIDE_TORQUE * start.gain
 
 
 def _leads(item: Instance) -> bool:
