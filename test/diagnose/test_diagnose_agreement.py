@@ -77,6 +77,18 @@ def test_an_effect_that_is_there_agrees_and_one_that_is_not_does_not() -> None:
     assert agreement_on(balance, more, there, drag).probability < 0.5
 
 
+def test_what_fitted_data_leave_counts_beside_quiet_held_out_data() -> None:
+    """A torque that comes and goes is there in fitted pieces only: a constant one explains what is held out, and half of the rest."""
+
+    def torque(m: Motion) -> np.ndarray:
+        fitted = np.arange(len(m.t)) * 16 // len(m.t) % 4 != 2
+        return 4.0 + 4.0 * fitted * np.sin(0.1 * m.t)
+
+    bias = instance(effect("torque_bias"), {"bias": 4.0})
+    assert explained(bias, lambda m: np.full(len(m.t), 4.0)) > 0.98
+    assert explained(bias, torque) < 0.8
+
+
 def test_an_event_in_held_out_data_is_not_judged_by_its_moment() -> None:
     """The axis is loaded in the midst of a held-out block; the train data put the moment anywhere in that block."""
     block = 80.0 / 16
