@@ -78,7 +78,7 @@ def test_an_effect_that_is_there_agrees_and_one_that_is_not_does_not() -> None:
 
 
 def test_what_fitted_data_leave_counts_beside_quiet_held_out_data() -> None:
-    """A torque that comes and goes is there in fitted pieces only: a constant one explains what is held out, and half of the rest."""
+    """A torque that comes and goes is in fitted pieces only: a constant one explains what is held out, and less of the rest."""
 
     def torque(m: Motion) -> np.ndarray:
         fitted = np.arange(len(m.t)) * 16 // len(m.t) % 4 != 2
