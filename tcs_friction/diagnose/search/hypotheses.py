@@ -48,7 +48,7 @@ def eligible(axis: Axis, balance: TorqueBalance) -> list[tuple[Term, str | None]
             term.tabulated
             or (term.rotary and axis.kind != "rotary")
             or (term.temperature and not data.temperature)
-            or _redundant(term, axis)
+            or redundant(term, axis)
         ):
             continue
         if term.signals:
@@ -59,7 +59,7 @@ def eligible(axis: Axis, balance: TorqueBalance) -> list[tuple[Term, str | None]
     return result
 
 
-def _redundant(term: Term, axis: Axis) -> bool:
+def redundant(term: Term, axis: Axis) -> bool:
     """Whether an effect completes the friction law by parts that the axis has already."""
     return bool(term.features) and term.features <= axis.features
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.parallel import side_by_side
 from tcs_friction.diagnose.search.cross_validation import PLAIN_GROWTH, squares_as_fitted
 from tcs_friction.diagnose.search.harmonics import added_effects
-from tcs_friction.diagnose.search.hypotheses import eligible, starts
+from tcs_friction.diagnose.search.hypotheses import eligible, redundant, starts
 from tcs_friction.diagnose.search.plausibility import within_search
 from tcs_friction.diagnose.search.projection import ProjectedResidual, survey
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE, IMPERFECT_AT_MOST, chance, threshold
@@ -213,10 +213,8 @@ def starting_axes(axis: Axis, term: Term, view: Survey) -> list[Axis]:
 
 def _without_parts_of_the_law(axis: Axis, believed: Axis) -> Axis:
     """The axis without effects beyond the believed ones that complete a law by what its own law has."""
-    parts = [item for item in added_effects(axis, believed) if item.term.features]
-    for item in parts:
-        axis = axis.without_effect(item) if item.term.features <= axis.friction.term.features else axis
-    return axis
+    parts = [item for item in added_effects(axis, believed) if redundant(item.term, axis.without_effect(item))]
+    return reduce(Axis.without_effect, parts, axis)
 
 
 def _starting_value(

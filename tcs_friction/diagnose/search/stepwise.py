@@ -179,6 +179,7 @@ def _best_of_two_close(
 ) -> tuple[Candidate, Fit]:
     """The best candidate and its fit with its own noise, or the next that gains nearly as much and is as simple, if better.
 
+    Of a pair one effect that gains nearly as much alone is taken: what the other one is shows better when the first is known.
     What is missing counts as noise until it is found: of a delay and a lag that the noise of a round does not tell apart one may
     leave twice as much as the other. The next one is better if that is so with the noise of either.
     """
@@ -186,14 +187,12 @@ def _best_of_two_close(
     def settled(one: Candidate) -> Fit:
         return settle(balance, from_believed_law(balance, one.fit, believed), one.fit.noise, rounds=2)
 
-    def near(one: Candidate) -> bool:
-        simple = one.threshold <= best.threshold and one.kinds != best.kinds
-        return simple and one.score > 0.0 and one.gain > (1.0 - FEEDBACK_SHARE) * best.gain
-
-    alone = next((one for one in candidates if _does_it_alone(one, best)), None)
+    least = (1.0 - FEEDBACK_SHARE) * best.gain
+    close = [one for one in candidates if one.score > 0.0 and one.gain > least and one.kinds != best.kinds]
+    alone = next((one for one in close if set(one.kinds) < set(best.kinds)), None)
     if alone is not None:
         return alone, settled(alone)
-    fit, other = settled(best), next(filter(near, candidates), None)
+    fit, other = settled(best), next((one for one in close if one.threshold <= best.threshold), None)
     if other is None:
         return best, fit
     instead = settled(other)
@@ -202,11 +201,6 @@ def _best_of_two_close(
         return balance.squares(fit.axis, noise) - balance.squares(instead.axis, noise) > 0.0
 
     return (other, instead) if gains(fit.noise) and gains(instead.noise) else (best, fit)
-
-
-def _does_it_alone(one: Candidate, pair: Candidate) -> bool:
-    """Whether one of a pair gains nearly as much without the other, which is better looked for when the first is known."""
-    return set(one.kinds) < set(pair.kinds) and one.score > 0.0 and one.gain > (1.0 - FEEDBACK_SHARE) * pair.gain
 
 
 def _better_law(

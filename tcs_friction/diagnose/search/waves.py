@@ -79,15 +79,14 @@ def wave_start(
 
 
 def told_from_torque(projected: ProjectedResidual, start: Start) -> bool:
-    """Whether a wave of friction gains beside a torque with the same wave, which it is where the axis moves one way only."""
+    """Whether a wave of friction keeps half its gain beside a torque with the same wave: in motion one way they are the same."""
     item = start.instance
     if item.term.place is not Place.SCALE or item.term.periodic != "position":
         return True
     angle = item.order * wave_angle(projected.balance, projected.axis, item.term)
     torque = np.stack([projected.noise.whiten(wave(angle)) for wave in (np.cos, np.sin)], axis=1)
     basis = np.linalg.qr(projected.project(torque))[0]
-    columns = projected.columns(probes(item.term, {item.term.order.name: item.order}, None))
-    beside, _ = projected.gain(columns - basis @ (basis.T @ columns))
+    beside, _ = projected.gain(start.columns - basis @ (basis.T @ start.columns))
     return beside > BESIDE_TORQUE * start.gain
 
 
