@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from tcs_friction.conditioning.motion import Data
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import IdentifyOptions, identify
-from tcs_friction.identify.motion import Data
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification, finite
 from tcs_friction.physics.axis import Axis

@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from scipy.signal import butter, lfilter_zi
 
+from tcs_friction.conditioning.motion import FILTER_ORDER, Motion, coarse, unsure_start
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import LoadedModel, first_directions, general_model
-from tcs_friction.identify.motion import FILTER_ORDER, Motion, coarse, unsure_start
 from tcs_friction.identify.problem import Problem, thinning
 from tcs_friction.physics.terms import Parameter, Role
 

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tcs_friction.conditioning.bands import choose_cutoff, step_of
+from tcs_friction.conditioning.motion import Motion, prepare
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
-from tcs_friction.diagnose.dataset.bands import choose_cutoff, step_of
 from tcs_friction.errors import InputError
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.identification import identified_axis
 from tcs_friction.identify.linear_balance import linear_balance
-from tcs_friction.identify.motion import Motion, prepare
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Estimate, Identification
 from tcs_friction.physics.axis import Axis, Drive, Sensors

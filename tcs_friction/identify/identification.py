@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tcs_friction.conditioning.motion import Data, prepare
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
@@ -16,7 +17,6 @@ from tcs_friction.identify.determined import Verdicts, judge
 from tcs_friction.identify.extended_law import search_extended
 from tcs_friction.identify.linear_balance import likely_inertia
 from tcs_friction.identify.models import AnyModel
-from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tcs_friction.identify.motion import Motion
+from tcs_friction.conditioning.motion import Motion
 
 FEWEST = 8.0  # independent samples at least
 SIGNIFICANT = 3.0  # standard errors

@@ -7,16 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
-from tcs_friction.identify import kernels
-from tcs_friction.identify.models import (
-    AnyModel,
-    LoadedModel,
-    Model,
-    background,
-    model_for,
-    reads_load,
-)
-from tcs_friction.identify.motion import (
+from tcs_friction.conditioning.motion import (
     SAMPLES_PER_CYCLE,
     Motion,
     at_rest,
@@ -25,6 +16,15 @@ from tcs_friction.identify.motion import (
     resmoothed,
     unsure_start,
     windows,
+)
+from tcs_friction.identify import kernels
+from tcs_friction.identify.models import (
+    AnyModel,
+    LoadedModel,
+    Model,
+    background,
+    model_for,
+    reads_load,
 )
 from tcs_friction.identify.prediction import Fine
 from tcs_friction.identify.refine import Refined

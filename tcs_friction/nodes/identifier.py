@@ -17,12 +17,12 @@ from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import FrictionEstimate, LugreParameters
 from tcs_friction_msgs.srv import Identify as IdentifyService
 
+from tcs_friction.conditioning.motion import Data, FrictionSeries
 from tcs_friction.config import AxisFile, save_axis, write_whole
 from tcs_friction.control.config_field import choice, setting, switch
 from tcs_friction.control.plausible import Ranges
 from tcs_friction.errors import JobError, writing_into
 from tcs_friction.identify.identification import METHODS, identified_axis, identify
-from tcs_friction.identify.motion import Data, FrictionSeries
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all

@@ -14,11 +14,11 @@ import yaml
 from tcs_friction.cli import main
 from tcs_friction.commands import new
 from tcs_friction.commands.new import text_of
+from tcs_friction.conditioning.checks import check_units
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
-from tcs_friction.diagnose.dataset.checks import check_units
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.errors import InputError
 from tcs_friction.identify import comparison, first_axis

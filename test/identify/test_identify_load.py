@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from identify_cases import INERTIA, PERIOD, SPEED, axis_of
 
+from tcs_friction.conditioning.motion import prepare
 from tcs_friction.identify.determined import Verdicts, judge
-from tcs_friction.identify.motion import prepare
 from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.physics.axis import Axis

@@ -9,10 +9,10 @@ import pytest
 from identify_cases import INERTIA, LUGRE, axis_of
 
 from benchmarks import accuracy, law_axes
+from tcs_friction.conditioning.motion import prepare, windows
 from tcs_friction.control.loop import LoopRun
 from tcs_friction.identify import forced_kernel, identification
 from tcs_friction.identify.identification import identify
-from tcs_friction.identify.motion import prepare, windows
 from tcs_friction.identify.prediction import ForcedPredictor
 from tcs_friction.identify.prediction_kernel import LANES, SLOW, predict
 from tcs_friction.identify.problem import pose, settled

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.recording import Recording

@@ -3,7 +3,7 @@
 Velocity and acceleration come from the position by a zero-phase low pass and central differences; torque passes the same low
 pass. The pass band ends where the position's own noise begins, so that the acceleration does not drown in it.
 
-A diagnosis smooths in the frequency domain, with the same attenuation (diagnose.dataset.filters). An identification needs a
+A diagnosis smooths in the frequency domain, with the same attenuation (conditioning.filters). An identification needs a
 filter that runs from sample to sample: its search passes the torque of every candidate through the same sections as the measured
 one.
 """
@@ -18,9 +18,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.signal import butter, sosfiltfilt, welch
 
+from tcs_friction.conditioning.sampling import jitter, resampled
+from tcs_friction.conditioning.white_noise import derivative_noise
 from tcs_friction.errors import InputError
-from tcs_friction.numerics.noise import derivative_noise
-from tcs_friction.numerics.sampling import jitter, resampled
 from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
