@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tcs_friction.identify.determined import Verdicts
+from tcs_friction.identify.determined import LARGEST_RELATIVE, Verdicts
 from tcs_friction.identify.prediction import NUISANCES, Predictor
 from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
@@ -29,7 +29,7 @@ IDENTIFIED, BELIEVED = "identified", "believed"  # models in friction against sp
 class Conclusions:
     """A fit of torques, judged, and that of predictions that sharpened it, if one could be made.
 
-    shift (p,): by how much the unknowns move behind another low pass; what no prediction corrects is that unsure.
+    shifts: by how much the unknowns (p,) move under other assumptions (low pass, timing, way to fit): they are that unsure, too.
     """
 
     problem: Problem
@@ -37,7 +37,7 @@ class Conclusions:
     sharp: Sharpened | None
     loss: str
     uncertainty: str
-    shift: np.ndarray | None = None
+    shifts: tuple[np.ndarray, ...] = ()
 
     @property
     def refined(self) -> Refined:
@@ -66,7 +66,7 @@ class Conclusions:
             ]
             covariance[: len(own), : len(own)] = own
         covariance += self.verdicts.owed
-        return covariance if self.shift is None else covariance + np.outer(self.shift, self.shift)
+        return np.asarray(covariance + sum(np.outer(shift, shift) for shift in self.shifts))
 
     def estimate(self, k: int) -> Estimate:
         """Unknown k of the problem."""
@@ -109,8 +109,7 @@ class Conclusions:
     def fit(self) -> Fit:
         """For pictures."""
         problem, refined = self.problem, self.refined
-        inertia, offset = refined.unknowns[problem.inertia_index], refined.unknowns[problem.offset_index]
-        rest = inertia * problem.acceleration + offset
+        rest = problem.beside(refined.unknowns)
         modelled = problem.target - problem.unexplained(refined)
         bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
         return Fit(
@@ -135,7 +134,7 @@ class Conclusions:
 
     def correlation(self) -> tuple[tuple[str, ...], np.ndarray]:
         """Names and correlations (p, p) of the free unknowns without initial bristle torques."""
-        index = [k for k in np.flatnonzero(self.verdicts.space.free) if k < self.problem.law_size + 2]
+        index = [k for k in np.flatnonzero(self.verdicts.space.free) if k < self.problem.states_index]
         names = tuple(self.problem.names[k] for k in index)
         return names, correlations(self.covariance[np.ix_(index, index)])
 
@@ -154,7 +153,7 @@ class Conclusions:
         taper = 0.5 + 0.5 * np.cos(np.pi * np.arange(lags) / lags)
         covariance = cramer_rao(fit.jacobian[np.ix_(counted, index)], noise * taper)
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        kept, names = self.problem.law_size + 2, self.problem.names
+        kept, names = self.problem.states_index, self.problem.names
         return {names[k]: float(std) for k, std in zip(index, deviation, strict=True) if k < kept}
 
 
@@ -209,10 +208,13 @@ def _covariance(refined: Refined, free: np.ndarray, uncertainty: str) -> np.ndar
 
 def _unit(problem: Problem, k: int) -> str:
     declared = [p.unit for p in problem.axis.friction.term.parameters]
-    return unit_on(problem.axis.kind, [*declared, "kg m^2", "N m"][k])
+    return unit_on(problem.axis.kind, [*declared, "kg m^2", "N m", "s"][k])
 
 
 def _estimate(problem: Problem, verdicts: Verdicts, covariance: np.ndarray, k: int) -> Estimate:
+    """Unknown k with its standard error; a positive one that may as well be next to nothing, or twice itself, is undetermined."""
+    value, std = float(verdicts.refined.unknowns[k]), float(np.sqrt(max(covariance[k, k], 0.0)))
     reason = verdicts.reasons.get(k)
-    std = float(np.sqrt(max(covariance[k, k], 0.0)))
-    return Estimate(float(verdicts.refined.unknowns[k]), std, _unit(problem, k), reason is None, reason)
+    if reason is None and verdicts.space.logarithmic[k] and std > LARGEST_RELATIVE * abs(value):
+        reason = f"only to {100.0 * std / abs(value):.0f} %, with all that is not known beside it"
+    return Estimate(value, std, _unit(problem, k), reason is None, reason)

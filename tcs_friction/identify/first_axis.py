@@ -74,7 +74,7 @@ def first_axis(
     turned = _turned(balance, spread)
     if turned:
         balance = -balance
-        recordings = [replace(one, torque=-one.torque) for one in recordings]
+        recordings = [one.turned_over() for one in recordings]
         signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
     guess = _axis(name, kind, balance, heavy, largest)
     comparison = compare_laws(recordings, guess, progress=progress, names=LAWS)

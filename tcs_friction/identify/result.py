@@ -52,6 +52,33 @@ class Errors:
     held_out: float
 
 
+@dataclass(frozen=True)
+class TorqueTiming:
+    """When the logged torque acts: `acts` s after its stamp it begins to (see `conditioning.hold`), `delay` s of it believed
+    apart; between: `held`, or a `line` through momentary values."""
+
+    acts: Estimate
+    delay: float
+    between: str
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As in `identification.json`."""
+        return {"acts": self.acts.to_mapping(), "actuation_delay": self.delay, "between": self.between}
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What disturbs the axis and its encoder, by a fit of predictions: drive N m rms up to `bandwidth` Hz, encoder rad rms."""
+
+    drive: float
+    bandwidth: float
+    encoder: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As in `identification.json`."""
+        return {"drive": self.drive, "bandwidth": self.bandwidth, "encoder": self.encoder}
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The compared samples, for pictures, each (m,): t s, velocity rad/s, torque measured and modelled, friction in both, N m."""
@@ -95,7 +122,8 @@ class Identification:
     "negative"), without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns.
     bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
     profiles: profile likelihoods by name, where asked for. history: best cost per generation of the global search.
-    outcome: how the search ended. by_speed: friction against speed, for pictures; None where there is no motion.
+    outcome: how the search ended. by_speed: friction against speed, for pictures; None where there is no motion. timing: of the
+    torque; None for friction estimates. noise: None where no predictions were made.
     """
 
     law: str
@@ -118,6 +146,8 @@ class Identification:
     notes: tuple[str, ...] = ()
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     by_speed: TorqueBySpeed | None = None
+    timing: TorqueTiming | None = None
+    noise: Noise | None = None
 
     def __post_init__(self) -> None:
         for name in ("parameters", "directions", "bound", "profiles"):
@@ -138,6 +168,8 @@ class Identification:
             "parameters": {name: item.to_mapping() for name, item in self.parameters.items()},
             "inertia": self.inertia.to_mapping(),
             "offset": self.offset.to_mapping(),
+            "timing": self.timing.to_mapping() if self.timing else None,
+            "noise": self.noise.to_mapping() if self.noise else None,
             "directions": {
                 way: {name: item.to_mapping() for name, item in found.items()}
                 for way, found in self.directions.items()

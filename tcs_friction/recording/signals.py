@@ -14,6 +14,9 @@ from tcs_friction.errors import InputError, nearest
 REQUIRED = ("position", "torque")
 OPTIONAL = ("velocity", "temperature", "reference")
 SOURCE_KEYS = ("topic", "field", "joint", "scale")
+FROM_STAMP, UP_TO_STAMP, UNKNOWN = "from_stamp", "up_to_stamp", "unknown"
+ACTS = (FROM_STAMP, UP_TO_STAMP, UNKNOWN)
+"""When a logged torque acts: from its stamp to the next, from the stamp before to its own, or nobody knows."""
 
 _STEP = re.compile(r"([A-Za-z_]\w*)((?:\[\d+\])*)")
 
@@ -23,13 +26,19 @@ class SignalSource:
     """One signal: a topic, a dotted path to a number in its messages, and a factor to SI units.
 
     `field` may index arrays (`points[0].positions[2]`); `joint` picks the element of the last array by the name
-    list beside it (`name`, `names` or `joint_names`), wherever the joint stands in each message.
+    list beside it (`name`, `names` or `joint_names`), wherever the joint stands in each message. `acts`, of a torque: when it
+    does, one of ACTS, or s after its stamp at which it begins to (negative: before).
     """
 
     topic: str
     field: str
     joint: str | None = None
     scale: float = 1.0
+    acts: str | float = UNKNOWN
+
+    def acts_after(self, period: float) -> float | None:
+        """s after its stamp at which a logged value begins to act, of values `period` s apart; None: not known."""
+        return {FROM_STAMP: 0.0, UP_TO_STAMP: -period, UNKNOWN: None}[self.acts] if isinstance(self.acts, str) else self.acts
 
     @property
     def steps(self) -> tuple[str | int, ...]:
@@ -91,7 +100,7 @@ class SignalMap:
             if block.get(name) is None:
                 raise InputError(f"{where}: signals", f"{name} is missing", "at least position and torque")
         sources = {
-            name: _source(block[name], f"{where}: signals.{name}")
+            name: _source(block[name], f"{where}: signals.{name}", name)
             for name in (*REQUIRED, *OPTIONAL)
             if block.get(name) is not None
         }
@@ -118,12 +127,14 @@ def _entry(source: SignalSource) -> dict[str, Any]:
         entry["joint"] = source.joint
     if source.scale != 1.0:
         entry["scale"] = source.scale
+    if source.acts != UNKNOWN:
+        entry["acts"] = source.acts
     return entry
 
 
-def _source(entry: Any, where: str) -> SignalSource:
+def _source(entry: Any, where: str, signal: str = "") -> SignalSource:
     block = _mapping(entry, where)
-    _refuse_unknown(block, SOURCE_KEYS, where)
+    _refuse_unknown(block, (*SOURCE_KEYS, "acts") if signal == "torque" else SOURCE_KEYS, where)
     for key in ("topic", "field"):
         if not isinstance(block.get(key), str) or not block[key]:
             raise InputError(where, f"{key} is {block.get(key)!r}", "a name")
@@ -133,7 +144,7 @@ def _source(entry: Any, where: str) -> SignalSource:
     scale = block.get("scale", 1.0)
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale) or scale == 0:
         raise InputError(where, f"scale is {scale!r}", "a finite number other than 0")
-    source = SignalSource(block["topic"], block["field"], joint, float(scale))
+    source = SignalSource(block["topic"], block["field"], joint, float(scale), _acts(block.get("acts", UNKNOWN), where))
     try:
         steps = source.steps
     except InputError as error:
@@ -141,6 +152,14 @@ def _source(entry: Any, where: str) -> SignalSource:
     if joint is not None and isinstance(steps[-1], int):
         raise InputError(where, f"joint {joint} and an index in {source.field}", "one of the two")
     return source
+
+
+def _acts(value: Any, where: str) -> str | float:
+    if isinstance(value, str) and value in ACTS:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(where, f"acts is {value!r}", f"{', '.join(ACTS)}, or s after the stamp")
+    return float(value)
 
 
 def _mapping(entry: Any, where: str) -> Mapping[str, Any]:

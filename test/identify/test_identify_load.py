@@ -49,7 +49,7 @@ def bam_recording(load: Instance, noise: float = 1.0) -> Recording:
 
 def judged(axis: Axis, data: Recording) -> tuple[Problem, Verdicts]:
     problem = pose(axis, prepare([data]))
-    space = space_of(problem, True, True)
+    space = space_of(problem, True, True, False)
     start = believed_start(problem)
     return problem, judge(problem, start, space, axis.friction.values, "squares", True, {})
 
