@@ -15,7 +15,7 @@ _ROTARY = np.array([[-5.0, -2.0, 0.0, 3.0, 6.0], [150.0, 20.0, 3.0, 0.5, 0.04], 
 _LINEAR = np.array([[-0.3, 1.0, 2.0, 3.3], [0.4, 0.6, 0.5, 0.3], [0.03, 0.08, 0.15, 0.4]])
 _RATES = (5000.0, 2000.0, 1000.0, 500.0, 250.0, 200.0, 100.0, 50.0)
 _RAMPS = 250.0  # ramps to top speed in a recording: at least ten cycles of the slowest kind of motion
-_FASTEST_BRISTLE = 1.5  # rad a sample: a faster bristle passes unseen between two samples
+_FASTEST_BRISTLE = 6.0  # rad a sample: a faster bristle passes unseen between two samples
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def draw_axis(stratum: dict[str, Any], rng: np.random.Generator) -> Axis:
     # Without a controller a weak drive only sticks.
     weakest = 2.0 if stratum["motion"].startswith("open_") else 0.25
     coulomb = inertia * speed / ramp / 10.0 ** rng.uniform(np.log10(weakest), 1.0)
-    presliding = speed * ramp * 10.0 ** rng.uniform(-4.3, -2.5)
+    presliding = speed * ramp * 10.0 ** rng.uniform(-4.8, -2.5)
     presliding = max(presliding, coulomb / inertia / (_FASTEST_BRISTLE * rate) ** 2)
     stiffness = coulomb / presliding
     bristle_rate = np.sqrt(stiffness / inertia)

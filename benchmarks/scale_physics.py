@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NAMES = ("coulomb", "static", "stribeck_velocity", "stiffness", "damping", "viscous", "inertia", "offset")
-TOLERANCE = 1e-6  # of the scales of position, velocity and bristle, per step
+TOLERANCE = 1e-8  # of the scales of position, velocity and bristle, per step
 
 # RODAS of Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7: a Rosenbrock method of order 4, stiffly
 # accurate and L-stable, with an embedded one of order 3. A bristle that follows a fast motion is as stiff as |v| s0 / g.

@@ -1,4 +1,4 @@
-"""Axes of every size with LuGre friction, recorded as people record.
+"""Axes of every size with LuGre friction, recorded as people record: `python -m benchmarks.scale_worlds --seed 1 --count 40`.
 
 A world is arrays: what a log of the axis holds, and the truth behind it. Worlds are drawn in blocks of `BLOCK`: inside a block
 size, motion, logging, clock, stamps and encoder are stratified, independently of one another.
@@ -6,6 +6,8 @@ size, motion, logging, clock, stamps and encoder are stratified, independently o
 
 from __future__ import annotations
 
+import argparse
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +15,7 @@ import numpy as np
 
 from benchmarks.scale_axis import draw_axis
 from benchmarks.scale_drive import clocks, drive, drive_noise, log_torque, worth_keeping
-from benchmarks.scale_physics import NAMES, Array, simulate
+from benchmarks.scale_physics import NAMES, Array, Control, simulate
 
 BLOCK = 40
 _STRATA: dict[str, list[Any]] = {
@@ -45,6 +47,8 @@ class Simulated:
     ----------
     ticks : ndarray, shape (k + 1,)
         Control ticks and the end [s].
+    control : Control
+        The controller and its reference.
     torque : ndarray, shape (k,)
         Torque that the drive was asked for and held over each tick [N m or N].
     logged : ndarray of bool, shape (k,)
@@ -55,8 +59,10 @@ class Simulated:
         Its standard deviation.
     noise_rate : float
         Its corner [rad/s]; 0: white, a new value each tick.
+    reading_noise : ndarray, shape (k,)
+        Noise of the encoder as the controller read it, before rounding.
     encoder_noise, encoder_step : float
-        Standard deviation before rounding, and the step that is rounded to [rad or m].
+        Its standard deviation, and the step that is rounded to [rad or m].
     states : ndarray, shape (n, 3)
         True position, velocity and bristle at the stamps of the positions.
     scales : ndarray, shape (2,)
@@ -64,11 +70,13 @@ class Simulated:
     """
 
     ticks: Array
+    control: Control
     torque: Array
     logged: np.ndarray[Any, np.dtype[np.bool_]]
     noise: Array
     noise_level: float
     noise_rate: float
+    reading_noise: Array
     encoder_noise: float
     encoder_step: float
     states: Array
@@ -117,7 +125,7 @@ class ScaleWorld:
 
 def draw(seed: int, number: int) -> ScaleWorld:
     """World `number` of `seed`; the same for the same arguments."""
-    stratum = _stratum(seed, number)
+    stratum = plan(seed, number)
     for attempt in range(100):
         world = _attempt(seed, number, stratum, np.random.default_rng([seed, number, attempt, 1]))
         if world is not None:
@@ -125,13 +133,13 @@ def draw(seed: int, number: int) -> ScaleWorld:
     raise RuntimeError(f"seed {seed}, world {number}: no sensible motion in 100 attempts")
 
 
-def _stratum(seed: int, number: int) -> dict[str, Any]:
+def plan(seed: int, number: int) -> dict[str, Any]:
     """What the plan of the block has for this world, and in `size` where it is between the smallest and the largest axis."""
     block, place = divmod(number, BLOCK)
-    plan = np.random.default_rng([seed, block, 0])
-    chosen = {name: [values[i] for i in plan.permutation(BLOCK)] for name, values in _STRATA.items()}
+    rng = np.random.default_rng([seed, block, 0])
+    chosen = {name: [values[i] for i in rng.permutation(BLOCK)] for name, values in _STRATA.items()}
     alike = [i for i in range(BLOCK) if chosen["kind"][i] == chosen["kind"][place]]
-    order = plan.permutation(BLOCK)
+    order = rng.permutation(BLOCK)
     rank = sorted(alike, key=lambda i: int(order[i])).index(place)
     size = (rank + float(np.random.default_rng([seed, number, 2]).uniform())) / len(alike)
     stratum = {name: values[place] for name, values in chosen.items()} | {"size": size}
@@ -199,14 +207,57 @@ def _attempt(seed: int, number: int, stratum: dict[str, Any], rng: np.random.Gen
         drawn,
         Simulated(
             ticks,
+            control,
             torque,
             logged,
             noise,
             axis.noise_level,
             noise_rate,
+            reading_noise,
             axis.encoder_noise,
             axis.encoder_step,
             states[kept],
             axis.scales,
         ),
     )
+
+
+def table(seed: int, count: int, first: int = 0) -> None:
+    """Print the worlds with their bounds in per cent of the true values, the offset's of the Coulomb friction."""
+    from benchmarks.scale_bound import bound
+
+    heads = ("Fc", "Fs", "vs", "s0", "s1", "s2", "J", "offset")
+    print(f"{'name':13s} {'J or m':>8s} {'rate':>4s} {'n':>5s} {'motion':14s} {'logging':17s}", end="")
+    print(
+        f"{'encoder':9s}{'stamps':9s}{'fb/rate':>7s}{'aJ/Fc':>6s} ",
+        *(f"{h:>6s}" for h in heads),
+        "time/us  s",
+    )
+    below: list[bool] = []
+    for number in range(first, first + count):
+        begin = time.perf_counter()
+        world = draw(seed, number)
+        drawn = time.perf_counter() - begin
+        least, truth, d = bound(world), world.truth, world.drawn
+        scale = [truth[name] for name in NAMES[:-1]] + [truth["coulomb"]]
+        share = [100.0 * least[name] / s for name, s in zip(NAMES, scale, strict=True)]
+        below += [value < 5.0 for value in share]
+        ratio = truth["inertia"] * float(d["top_speed"]) / float(d["ramp"]) / truth["coulomb"]
+        print(
+            f"{world.name:13s} {truth['inertia']:8.2g}{'*' if world.kind == 'linear' else ' '}{d['rate']:4.0f} {world.t.size:5d} "
+            f"{d['motion']:14s} {d['logging']!s:16s}{'+' if d['clock'] else ' '}{d['encoder']:9s}{d['stamps']:9.9s}"
+            f"{float(d['bristle_frequency']) * world.log_period:7.3f}{ratio:6.2f} ",
+            *(f"{min(value, 9999.0):6.2f}" for value in share),
+            f"{1e6 * least['acts']:7.1f} {drawn:.1f}+{time.perf_counter() - begin - drawn:.1f}",
+            flush=True,
+        )
+    print(f"{100.0 * np.mean(below):.0f} % of the bounds are below 5 %")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=BLOCK)
+    parser.add_argument("--first", type=int, default=0)
+    asked = parser.parse_args()
+    table(asked.seed, asked.count, asked.first)
