@@ -83,6 +83,7 @@ def look(world: ScaleWorld, readings: Array | None = None) -> tuple[Array, Array
         unknown,
         np.array([behind.noise_level, behind.noise_rate]),
         world.t,
+        behind.states,
         np.zeros(0) if readings is None else readings,
         p,
         _STEP * np.where(p == 0.0, 1.0, np.abs(p)),
@@ -246,6 +247,7 @@ def _filter(
     unknown: Array,
     drive: Array,
     times: Array,
+    states: Array,
     readings: Array,
     p: Array,
     sizes: Array,
@@ -274,7 +276,11 @@ def _filter(
                     total = torque[j] + noise[j, i] + mean[3] + mean[4]
                     h = _cross(mean, h, times[taken] - now, total, p, sizes, scales, P, S, k, D, T)
                     now = times[taken]
-                surprise = readings[taken] - mean[0] if readings.size > 0 else 0.0
+                surprise = 0.0
+                if readings.size > 0:
+                    surprise = readings[taken] - mean[0]
+                else:  # a replayed motion would leave the true one where friction falls with speed: errors grow there
+                    mean[:3] = states[taken]
                 _read(mean, P, S, reading, surprise, found, score)
                 taken += 1
             total = torque[j] + noise[j, i] + mean[3] + mean[4]

@@ -244,3 +244,12 @@ def test_the_bound_is_what_one_step_of_the_filter_reaches_on_an_axis_with_fricti
         errors.append(estimate / np.array([least[name] for name in BOUNDED]))
     spread = np.sqrt(np.mean(np.square(errors), axis=0))
     assert spread == pytest.approx(np.ones(len(BOUNDED)), abs=0.45)  # 40 runs: 11 % of scatter, four of them
+
+
+def test_the_bound_is_of_the_true_motion_where_a_replay_would_leave_it() -> None:
+    world = draw(1, 13)  # slow, where friction falls with speed
+    behind = world.simulated
+    touched = replace(world, simulated=replace(behind, noise=behind.noise + 1e-9 * behind.noise_level))
+    first, second = bound(world), bound(touched)
+    assert first["viscous"] > 0.5 * world.truth["viscous"]  # never fast
+    assert list(second.values()) == pytest.approx(list(first.values()), rel=0.01)
