@@ -15,6 +15,7 @@ from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, Shap
 from tcs_friction.identify.determined import Verdicts, judge
 from tcs_friction.identify.extended_law import search_extended
 from tcs_friction.identify.linear_balance import likely_inertia
+from tcs_friction.identify.minimum import End, end_of_search
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.operators import SwarmOptions
@@ -26,6 +27,7 @@ from tcs_friction.identify.result import Identification
 from tcs_friction.identify.sharpen import Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.uncertainty import noise_floor
+from tcs_friction.identify.words import rising
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
@@ -52,7 +54,7 @@ class IdentifyOptions:
     hold_inertia: keep the axis file's. offset: allow a constant torque. loss: `squares` or `huber` (outliers count less).
     bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods;
     box: where they search. uncertainty: `sandwich`, or `bootstrap` of blocks of the residual. profile: add the profile
-    likelihood of each parameter.
+    likelihood of each parameter. refine: a population method goes on as the default method does after its swarm.
     """
 
     hold_inertia: bool = False
@@ -63,6 +65,7 @@ class IdentifyOptions:
     box: Box | None = None
     uncertainty: str = "sandwich"
     profile: bool = False
+    refine: bool = False
 
     def __post_init__(self) -> None:
         if self.loss not in ("squares", "huber"):
@@ -90,7 +93,8 @@ def identify(
     data: recordings, or friction series of an observer (then there is no inertia to find), one data set with common physics.
     axis: what is believed; its effects and known delay are taken into account, its values start the search.
     method: `default` (swarm over the shape, linear part solved for, Levenberg-Marquardt), `pso-ga`, `pso`, `ga`
-        (the search alone), `paper` (pso-ga with the paper's settings).
+        (the search alone), `paper` (pso-ga with the paper's settings). A search alone has intervals only where it ended at a
+        minimum (`minimum.py`).
     law: name of the law to fit; None: the axis' own.
     seed: same data, seed and settings: same result.
     progress, cancel: called once a generation.
@@ -123,7 +127,7 @@ def identify(
         cost = _cost(problem, method, free_inertia, free_offset, believed_start(problem), options)
         found, unknowns = _search(cost, problem, space, method, seed, options, progress, cancel)
     problem = settled(problem, unknowns)
-    polish = method == "default" and found.outcome is not Outcome.CANCELLED
+    polish = (method == "default" or options.refine) and found.outcome is not Outcome.CANCELLED
     verdicts = judge(problem, unknowns, space, believed, options.loss, polish, unshown, cancel)
     sharp = None
     if polish:
@@ -133,11 +137,15 @@ def identify(
     if polish and sharp is None and motion.bandwidth > 0.0 and isinstance(problem.model, AnyModel):
         wider = prepare(data, WIDER * motion.bandwidth, despike=options.loss == "huber")
         shift = _shifted(pose(axis, wider), verdicts, options.loss)
-    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, shift)
+    end = End(True, refined.outcome, shift)
+    if not polish:
+        end = end_of_search(problem, refined, space, options.loss, found.outcome)
+    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, end.way, end.minimum)
+    parameters = concluded.parameters()
     return Identification(
         law=axis.friction.term.id,
         method=method,
-        parameters=concluded.parameters(),
+        parameters=parameters,
         inertia=concluded.estimate(problem.inertia_index),
         offset=concluded.estimate(problem.offset_index),
         directions=concluded.directions(),
@@ -146,15 +154,17 @@ def identify(
         cost=refined.cost,
         evaluations=found.evaluations + verdicts.evaluations,
         seconds=time.perf_counter() - began,
-        outcome=refined.outcome if polish else found.outcome,
+        outcome=end.outcome,
         history=found.history,
+        evaluated=found.evaluated,
+        minimum=end.minimum,
         fit=concluded.fit(),
         by_speed=concluded.by_speed(believed),
         correlation=concluded.correlation(),
         bound=concluded.bounds(),
         seed=seed,
         profiles=profiles(concluded, cancel) if options.profile and polish else {},
-        notes=(*motion.notes, *verdicts.notes),
+        notes=(*motion.notes, *verdicts.notes, *end.notes, *rising(axis, parameters)),
     )
 
 
