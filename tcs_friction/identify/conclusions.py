@@ -30,6 +30,7 @@ class Conclusions:
     """A fit of torques, judged, and that of predictions that sharpened it, if one could be made.
 
     shifts: by how much the unknowns (p,) move under other assumptions (low pass, timing, way to fit): they are that unsure, too.
+    minimum: whether the fit is at a minimum of the cost; elsewhere every standard deviation is NaN.
     """
 
     problem: Problem
@@ -38,6 +39,7 @@ class Conclusions:
     loss: str
     uncertainty: str
     shifts: tuple[np.ndarray, ...] = ()
+    minimum: bool = True
 
     @property
     def refined(self) -> Refined:
@@ -59,6 +61,8 @@ class Conclusions:
     @cached_property
     def covariance(self) -> np.ndarray:
         """(p, p) of the unknowns, with what they owe to undetermined ones."""
+        if not self.minimum:
+            return np.full(self.verdicts.owed.shape, np.nan)
         covariance = _covariance(self.refined, self.verdicts.space.free, self.uncertainty)
         if self.sharp is not None:
             own = _covariance(self.sharp.fit, self.sharp.space.free, self.uncertainty)[
@@ -91,7 +95,7 @@ class Conclusions:
             return {}
         space = space.holding(np.arange(len(space.free)) >= size)
         fitted = refit(part, self.refined.unknowns, space, self.loss, 20)
-        covariance = _covariance(fitted, space.free, self.uncertainty)
+        covariance = _covariance(fitted, space.free, self.uncertainty) if self.minimum else self.covariance
         chosen = replace(self.verdicts, refined=fitted)
         return {name: _estimate(part, chosen, covariance, k) for k, name in enumerate(part.names[:size])}
 
@@ -130,20 +134,26 @@ class Conclusions:
             unknowns[:size] = [believed[name] for name in problem.names[:size]]
             models[BELIEVED] = problem.torque(unknowns) - (fit.modelled - fit.friction_modelled)
         std = linear_std(bins, refined.jacobian[:, :size], self.covariance[:size, :size])
-        return torque_by_speed(bins, fit.velocity, fit.friction_measured, models, {IDENTIFIED: std}, IDENTIFIED)
+        stds = {IDENTIFIED: std} if self.minimum else {}
+        return torque_by_speed(bins, fit.velocity, fit.friction_measured, models, stds, IDENTIFIED)
 
     def correlation(self) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names and correlations (p, p) of the free unknowns without initial bristle torques."""
+        """Names and correlations (p, p) of the free unknowns without initial bristle torques; none away from a minimum."""
+        if not self.minimum:
+            return (), np.zeros((0, 0))
         index = [k for k in np.flatnonzero(self.verdicts.space.free) if k < self.problem.states_index]
         names = tuple(self.problem.names[k] for k in index)
         return names, correlations(self.covariance[np.ix_(index, index)])
 
     def bounds(self) -> dict[str, float]:
-        """Cramer-Rao bounds for Gaussian errors with the residual's own autocovariance, or that of the errors of prediction."""
+        """Cramer-Rao bounds for Gaussian errors with the residual's own autocovariance, or that of the errors of prediction.
+
+        None away from a minimum, where the residual is more than errors.
+        """
         fit, space = self.end
         counted, index = fit.weights > 0.0, np.flatnonzero(space.free)
         residual = fit.residual[counted]
-        if not len(residual) or not residual.any():
+        if not self.minimum or not len(residual) or not residual.any():
             return {}
         centred = residual - residual.mean()
         lags = min(len(centred) // 4, BOUND_LAGS) if self.sharp is None else 1

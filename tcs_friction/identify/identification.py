@@ -17,6 +17,7 @@ from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, Shap
 from tcs_friction.identify.determined import LARGEST_RELATIVE, Verdicts, judge
 from tcs_friction.identify.extended_law import search_extended
 from tcs_friction.identify.linear_balance import likely_inertia
+from tcs_friction.identify.minimum import End, end_of_search
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.problem import Problem, pose, settled
@@ -28,6 +29,7 @@ from tcs_friction.identify.sharpen import SOUND, Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.timing import likely_timing
 from tcs_friction.identify.uncertainty import noise_floor, sandwich
+from tcs_friction.identify.words import rising
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
@@ -56,7 +58,7 @@ class IdentifyOptions:
     hold_inertia: keep the axis file's. offset: allow a constant torque. loss: `squares` or `huber` (outliers count less).
     bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods;
     box: where they search. uncertainty: `sandwich`, or `bootstrap` of blocks of the residual. profile: add the profile
-    likelihood of each parameter.
+    likelihood of each parameter. refine: a population method goes on as the default method does after its swarm.
     """
 
     hold_inertia: bool = False
@@ -67,6 +69,7 @@ class IdentifyOptions:
     box: Box | None = None
     uncertainty: str = "sandwich"
     profile: bool = False
+    refine: bool = False
 
     def __post_init__(self) -> None:
         if self.loss not in ("squares", "huber"):
@@ -94,7 +97,8 @@ def identify(
     data: recordings, or friction series of an observer (then there is no inertia to find), one data set with common physics.
     axis: what is believed; its effects and known delay are taken into account, its values start the search.
     method: `default` (swarm over the shape, linear part solved for, Levenberg-Marquardt), `pso-ga`, `pso`, `ga`
-        (the search alone), `paper` (pso-ga with the paper's settings).
+        (the search alone), `paper` (pso-ga with the paper's settings). A search alone has intervals only where it ended at a
+        minimum (`minimum.py`).
     law: name of the law to fit; None: the axis' own.
     seed: same data, seed and settings: same result.
     progress, cancel: called once a generation.
@@ -149,6 +153,7 @@ class _Found:
     sharp: Sharpened | None
     polished: bool
     shifts: tuple[np.ndarray, ...]
+    end: End
 
 
 def _other_timings(task: _Task, motion: Motion, found: _Found) -> list[Timing]:
@@ -184,10 +189,11 @@ def _attempt(task: _Task, motion: Motion) -> _Found:
         cost = _cost(problem, method, free_inertia, free_offset, believed_start(problem), options)
         found, unknowns = _search(cost, problem, in_time, method, seed, options, task.progress, cancel)
     problem = settled(problem, unknowns)
-    polish = method == "default" and found.outcome is not Outcome.CANCELLED
+    polish = (method == "default" or options.refine) and found.outcome is not Outcome.CANCELLED
     verdicts = judge(problem, unknowns, in_time, task.believed, loss, polish, unshown, cancel)
     if not polish:
-        return _Found(problem, found, verdicts, None, False, ())
+        end = end_of_search(problem, verdicts.refined, in_time, loss, found.outcome)
+        return _Found(problem, found, verdicts, None, False, () if end.way is None else (end.way,), end)
     torques = verdicts
     verdicts, sharp = _sharpened(problem, verdicts, space, loss, cancel)
     shifts = []
@@ -200,7 +206,8 @@ def _attempt(task: _Task, motion: Motion) -> _Found:
             unsure = motion.grids[0].logged.period / math.sqrt(12.0)  # of what may be anywhere within a period
             later = timed(motion, replace(motion.timing, acts=motion.timing.acts + unsure))
             shifts.append(_shifted(pose(axis, later), verdicts, loss))
-    return _Found(problem, found, verdicts, sharp, True, tuple(shifts))
+    end = End(True, verdicts.refined.outcome, None)
+    return _Found(problem, found, verdicts, sharp, True, tuple(shifts), end)
 
 
 def _likelier(one: _Found, other: _Found) -> _Found:
@@ -210,32 +217,35 @@ def _likelier(one: _Found, other: _Found) -> _Found:
     return min(one, other, key=lambda found: found.verdicts.refined.cost)
 
 
-def _concluded(task: _Task, end: _Found, began: float) -> Identification:
+def _concluded(task: _Task, done: _Found, began: float) -> Identification:
     """All that is said of it."""
-    problem, verdicts, sharp, found = end.problem, end.verdicts, end.sharp, end.search
+    problem, verdicts, sharp, found, end = done.problem, done.verdicts, done.sharp, done.search, done.end
     refined, motion, options = verdicts.refined, problem.motion, task.options
-    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, end.shifts)
+    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, done.shifts, end.minimum)
+    parameters = concluded.parameters()
     return Identification(
         law=task.axis.friction.term.id,
         method=task.method,
-        parameters=concluded.parameters(),
+        parameters=parameters,
         inertia=concluded.estimate(problem.inertia_index),
         offset=concluded.estimate(problem.offset_index),
         directions=concluded.directions(),
-        rmse=concluded.errors(end.polished),
+        rmse=concluded.errors(done.polished),
         noise_floor=noise_floor(refined.residual),
         cost=refined.cost,
         evaluations=found.evaluations + verdicts.evaluations,
         seconds=time.perf_counter() - began,
-        outcome=refined.outcome if end.polished else found.outcome,
+        outcome=end.outcome,
         history=found.history,
+        evaluated=found.evaluated,
+        minimum=end.minimum,
         fit=concluded.fit(),
         by_speed=concluded.by_speed(task.believed),
         correlation=concluded.correlation(),
         bound=concluded.bounds(),
         seed=task.seed,
-        profiles=profiles(concluded, task.cancel) if options.profile and end.polished else {},
-        notes=(*motion.notes, *verdicts.notes),
+        profiles=profiles(concluded, task.cancel) if options.profile and done.polished else {},
+        notes=(*motion.notes, *verdicts.notes, *end.notes, *rising(task.axis, parameters)),
         timing=None if motion.measured else _timing(concluded, task.free_timing),
         noise=None if sharp is None else sharp.noise,
     )

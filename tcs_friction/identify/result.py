@@ -14,6 +14,7 @@ from tcs_friction.numerics.by_speed import TorqueBySpeed
 from tcs_friction.numerics.outcome import Outcome
 
 SCHEMA = "tcs_friction/identification/1"
+RISING = "friction rises with speed; no stiction"
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Estimate:
     """One identified number.
 
     `value` of an undetermined parameter is the one that was held while the others were fitted; the file says null.
+    `std` is NaN (null in the file) where the value is at no minimum of the cost.
     """
 
     value: float
@@ -121,9 +123,10 @@ class Identification:
     parameters: of the law, by their names in the axis file. directions: the same for motion one way only ("positive",
     "negative"), without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns.
     bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
-    profiles: profile likelihoods by name, where asked for. history: best cost per generation of the global search.
-    outcome: how the search ended. by_speed: friction against speed, for pictures; None where there is no motion. timing: of the
-    torque; None for friction estimates. noise: None where no predictions were made.
+    profiles: profile likelihoods by name, where asked for. history, evaluated: best cost (g,) per generation of the global
+    search, and evaluations (g,) until then. outcome: how the search ended; minimum: whether at a minimum of the cost, otherwise
+    every `std` is NaN. by_speed: friction against speed, for pictures; None where there is no motion. timing: of
+    the torque; None for friction estimates. noise: None where no predictions were made.
     """
 
     law: str
@@ -148,10 +151,17 @@ class Identification:
     by_speed: TorqueBySpeed | None = None
     timing: TorqueTiming | None = None
     noise: Noise | None = None
+    minimum: bool = True
+    evaluated: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         for name in ("parameters", "directions", "bound", "profiles"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def every(self) -> dict[str, Estimate]:
+        """Estimates by name: the law's parameters, inertia and offset."""
+        return {**self.parameters, "inertia": self.inertia, "offset": self.offset}
 
     def friction(self, direction: str | None = None) -> dict[str, float]:
         """Values of every parameter of the law, for one direction or both together; undetermined ones as they were held."""
@@ -181,6 +191,7 @@ class Identification:
             "seconds": self.seconds,
             "seed": self.seed,
             "outcome": self.outcome.value,
+            "minimum": self.minimum,
             "cramer_rao": {name: finite(value) for name, value in self.bound.items()},
             "correlation": {
                 "names": list(names),
