@@ -21,6 +21,8 @@ from tcs_friction.errors import InputError, JobError, nearest, writing_into
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.conclusions import UNCERTAINTIES
 from tcs_friction.identify.identification import METHODS, IdentifyOptions, identified_axis, identify
+from tcs_friction.identify.motion import prepare
+from tcs_friction.identify.net_work import refuse_turned
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
@@ -86,14 +88,18 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")
     recordings = read_recordings(arguments.bags, signals)
+    refuse_turned(prepare(recordings, options.bandwidth), file.axis.kind)
     comparison = None
     with status_line() as show:
 
         def progress(generation: Generation) -> None:
             show(f"{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}")
 
+        def of_several(which: str, generation: Generation) -> None:
+            show(f"{which}: {100.0 * generation.share:.0f} %  cost {generation.cost:.6g}")
+
         if arguments.law == ALL:
-            comparison = compare_laws(recordings, file.axis, arguments.seed, progress, options=options)
+            comparison = compare_laws(recordings, file.axis, arguments.seed, of_several, options=options)
             found = comparison.best
         else:
             found = identify(
