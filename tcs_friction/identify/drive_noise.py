@@ -27,10 +27,11 @@ LEAST_PASSED = 0.1  # of the power: what a filter takes more of is rounding and 
 
 @dataclass(frozen=True)
 class DriveNoise:
-    """rms: N m. bandwidth: Hz, of the first-order filter."""
+    """rms: N m. bandwidth: Hz, of the first-order filter. left: rms (N m) that it and the encoder leave behind the filters."""
 
     rms: float
     bandwidth: float
+    left: float
 
 
 def drive_noise(
@@ -62,19 +63,24 @@ def drive_noise(
     if np.count_nonzero(used) <= BLURRED:
         return None
     f, aim = frequency[used], np.log(density[used] / share[used])
-    encoder = inertia**2 * (2.0 * np.pi * f) ** 4 * 2.0 * period * position_noise**2
+
+    def modelled(numbers: np.ndarray, f: np.ndarray) -> np.ndarray:
+        size, bandwidth = np.exp(numbers)
+        encoder = inertia**2 * (2.0 * np.pi * f) ** 4 * 2.0 * period * position_noise**2
+        return np.asarray(size**2 * first_order(f, bandwidth, period) + encoder)
 
     def misfit(numbers: np.ndarray) -> np.ndarray:
-        size, bandwidth = np.exp(numbers)
-        return np.log(size**2 * first_order(f, bandwidth, period) + encoder) - aim
+        return np.log(modelled(numbers, f)) - aim
 
     size = np.sqrt(float(np.exp(np.median(aim))) * f[-1])
     bounds = np.log([[1e-6 * size, f[0] / SLOWER], [1e3 * size, BEYOND * f[-1]]])
     starts = [np.log([size, bandwidth]) for bandwidth in np.geomspace(f[0], f[-1], 3)]
     scatter = OUTLYING / np.sqrt(counts.sum())
     fits = [least_squares(misfit, start, bounds=bounds, loss="soft_l1", f_scale=scatter) for start in starts]
-    rms, bandwidth = np.exp(min(fits, key=lambda fit: float(fit.cost)).x)
-    return DriveNoise(float(rms), float(bandwidth))
+    best = min(fits, key=lambda fit: float(fit.cost)).x
+    power = float(np.trapezoid(modelled(best, frequency) * share, frequency))
+    rms, bandwidth = np.exp(best).tolist()
+    return DriveNoise(rms, bandwidth, float(np.sqrt(power)))
 
 
 def first_order(frequency: np.ndarray, bandwidth: float, period: float) -> np.ndarray:

@@ -122,22 +122,34 @@ def _guess(name: str, kind: str, position: PositionTorque, motion: Motion, large
 def _identified(
     recordings: Sequence[Recording], guess: Axis, rough: Sequence[RoughFit], progress: Callable[[str], None]
 ) -> tuple[Identification, dict[str, str]]:
-    """The plainest law that errs as little as the best but for AS_GOOD, as `identify` finds it; why others were refused."""
-    most = (1.0 + AS_GOOD) * rough[0].held_out
-    good = sorted(
-        (one for one in rough if math.isnan(most) or one.held_out <= most), key=lambda one: LAWS.index(one.law)
-    )
+    """The chosen law, as `identify` finds it, and why others were refused.
+
+    It is the plainest that errs as little as the best but for AS_GOOD. Where the recording determines nothing of it, it is the
+    plainest that held-out samples like as much, of which something is determined.
+    """
+    plain = sorted(rough, key=lambda one: LAWS.index(one.law))
+    good = [one for one in plain if not one.held_out > (1.0 + AS_GOOD) * rough[0].held_out]
+    others = [one for one in plain if one.as_good(rough[0])] + list(rough)
+    first: Identification | None = None
     refused: dict[str, str] = {}
-    for one in [*good, *(other for other in rough if other not in good)]:
+    for one in dict.fromkeys([*good, *others]):
+        if first is not None and not one.as_good(rough[0]):
+            break
 
         def shown(generation: Generation, name: str = one.law) -> None:
             progress(f"{_which(name)}: {100.0 * generation.share:.0f} %")
 
         try:
-            return identify(recordings, guess, "default", one.law, progress=shown), refused
+            found = identify(recordings, guess, "default", one.law, progress=shown)
         except InputError as error:
             refused[one.law], last = str(error), error
-    raise last
+            continue
+        if any(item.determined for item in found.parameters.values()):
+            return found, refused
+        first = first or found
+    if first is None:
+        raise last
+    return first, refused
 
 
 def _without_chance(found: Identification, largest: float) -> Identification:

@@ -11,6 +11,7 @@ from tcs_friction.identify.net_work import Sign
 from tcs_friction.identify.result import Estimate
 from tcs_friction.recording.recording import Recording
 
+UNEXPLAINED = 1.5  # times the noise, from which a residual is none, as a diagnosis has it: right models left 1.4 on MuJoCo
 Path = tuple[str, ...]
 """Keys down to a value in an axis file."""
 
@@ -88,6 +89,10 @@ def _doubts(first: FirstAxis) -> Iterator[str]:
     lacking = [name for name, one in found.parameters.items() if not one.determined]
     if lacking:
         yield f"not determined by this motion: {', '.join(lacking)} of {found.law}"
+    if first.drive_noise is not None and found.rmse.held_out > UNEXPLAINED * first.drive_noise.left:
+        more = found.rmse.held_out / first.drive_noise.left
+        left = f"{found.law} leaves {found.rmse.held_out:.3g} {unit} of held-out torque"
+        yield f"{left}, {more:.2g} times what drive and encoder make: something is lacking, `./tcs diagnose` looks for it"
     rivals = _rivals(first)
     if rivals:
         yield f"held-out samples do not tell {found.law} from {' and '.join(rivals)}: record reversals and slow motion"
