@@ -227,6 +227,26 @@ def test_comments_stand_behind_the_values_that_they_are_about() -> None:
     assert yaml.safe_load(text) == {"a": {"x": 1.23457, "b": {"x": 2.0}}, "x": 3.0}
 
 
+def test_irregular_stamps_leave_the_sensors_noise_as_it_is(shared_data: Path, tmp_path: Path) -> None:
+    """A log with 20 % jitter and gaps, of which the encoder's noise is 1e-7 rad and the controller's period 4 ms."""
+    path, recorded = tmp_path / "axis.yaml", shared_data / "inputs" / "timing" / "w11_irregular_missing_1" / "bag"
+    assert main(["new", str(recorded), "-o", str(path)]) == 0
+    file = load_axis(path)
+    assert file.axis.sensors.noise == pytest.approx(1e-7, rel=0.1)
+    assert file.axis.drive.noise_bandwidth > 1.0
+    assert file.control is not None
+    assert file.control.loop.period == 0.004
+
+
+def test_a_passive_damper_keeps_its_sign_and_has_its_friction(shared_data: Path, tmp_path: Path) -> None:
+    path = tmp_path / "axis.yaml"
+    assert main(["new", str(shared_data / "inputs" / "intake" / "friction_damper.csv"), "-o", str(path)]) == 0
+    file = load_axis(path)
+    assert file.signals is not None
+    assert file.signals.torque.scale == 1.0
+    assert 14e3 < file.axis.friction.values["coulomb"] < 18e3
+
+
 DIAGNOSED = "bam_sin_sin_kp800"
 """Wholly, in a test of its own."""
 RECORDINGS = (

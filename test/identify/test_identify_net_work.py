@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from identify_cases import axis_of, recording
 
+from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.identify.motion import Motion, prepare
 from tcs_friction.identify.net_work import CLOCKS, NetWork, Scale, Sign, closed_span, net_work, refuse_turned
+from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap
+from tcs_friction.recording.tables import import_table
 
 RATE = 250.0
 T = np.arange(int(30.0 * RATE)) / RATE
@@ -117,3 +123,39 @@ def test_both_signs_stand_beside_each_other() -> None:
 
 def test_a_telescope_with_presliding_has_the_right_sign() -> None:
     assert net_work(prepare([recording(axis_of(), seconds=24.0)]), "rotary").sign is Sign.RIGHT
+
+
+RIGHT = (
+    *(f"data/{name}/recording" for name in ("emps", "laas_speed", "odrive_slow", "bam_sin_sin_kp200", "bam_lift_and_drop_kp800")),
+    "practice/mujoco_coulomb/recording",
+    "inputs/timing/m2_20240312",
+    "inputs/timing/w02_robot_joint_amps_1/bag",
+    "inputs/timing/w11_irregular_missing_1/bag",
+    "inputs/intake/torque_held_50_hz",
+)
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_no_recording_that_is_right_is_turned_over(shared_data: Path, name: str) -> None:
+    path = shared_data / name
+    recordings = read_recordings([path], SignalMap.from_mapping(bag_info(path).signals, name))
+    kind = "linear" if "emps" in name else "rotary"
+    motion = prepare(recordings)
+    assert net_work(motion, kind).sign is not Sign.TURNED
+    assert net_work(turned(motion), kind).sign is Sign.TURNED
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("turned_over", Sign.TURNED), ("clean", Sign.RIGHT), ("friction_damper", Sign.RIGHT)]
+)
+def test_tables_of_both_signs(shared_data: Path, name: str, expected: Sign) -> None:
+    """The damper is passive: the force that moves it does 6 kJ of work on it."""
+    table = import_table(shared_data / "inputs" / "intake" / f"{name}.csv", "axis", {})
+    assert net_work(prepare([table.recording]), table.kind or "rotary").sign is expected
+
+
+def test_a_torque_that_is_turned_over_and_late_is_found_out(shared_data: Path) -> None:
+    folder = shared_data / "inputs" / "timing"
+    file = load_axis(folder / "w10_wrong_sign_axis.yaml")
+    with pytest.raises(InputError, match="opposes every motion"):
+        refuse_turned(prepare(read_recordings([folder / "w10_bag"], file.mapped("axis"))), file.axis.kind)
