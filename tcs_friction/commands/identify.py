@@ -132,8 +132,11 @@ def _identified(
         def progress(generation: Generation) -> None:
             show(f"{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}")
 
+        def of_several(which: str, generation: Generation) -> None:
+            show(f"{which}: {100.0 * generation.share:.0f} %  cost {generation.cost:.6g}")
+
         if law == ALL:
-            comparison = compare_laws(recordings, axis, seed, progress, options=options)
+            comparison = compare_laws(recordings, axis, seed, of_several, options=options)
             return comparison.best, comparison, None
         searches = None
         if arguments.compare:

@@ -183,3 +183,8 @@ def graph_signals(namespace: str, joint: str) -> SignalMap:
         velocity=SignalSource(states, "velocity", joint),
         reference=SignalSource(f"{namespace}/reference", "position"),
     )
+
+
+def opposing_torque() -> InputError:
+    """The refusal of a torque whose sign is turned over."""
+    return InputError("signal torque", "it opposes every motion that it should drive", "the other sign (scale: -1.0)")
