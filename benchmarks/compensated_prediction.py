@@ -36,7 +36,7 @@ from tcs_friction.report.identification_files import IDENTIFICATION, spread_by
 
 BAR = 0.9
 SETTLE = 2.0  # s
-SECONDS = 80.0  # of a recording
+SECONDS = (24.0, 72.0)  # of a recording: from one period of its motion to three
 BAND = 0.5  # of the highest frequency in the residual, up to which its spectrum is that of the drive's noise
 
 
@@ -88,7 +88,7 @@ def outcome(random: np.random.Generator, runs: int, draws: int) -> Outcome:
     """One axis: identified, predicted, measured."""
     true = draw(random)
     true = replace(true, drive=replace(true.drive, noise_bandwidth=random.uniform(5.0, 20.0)))
-    run = run_axis(true, int(random.integers(2**31)), SECONDS)
+    run = run_axis(true, int(random.integers(2**31)), random.uniform(*SECONDS))
     guess = believed(true, random)
     found = identify([Recording(run.t, run.position, run.torque, source="simulated")], guess)
     model = identified_axis(guess, found)

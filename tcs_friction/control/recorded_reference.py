@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 CUBIC = 3
 LEAST = CUBIC + 2  # samples of a fit that is no interpolation
 WIDER = 1.5  # from one number of neighbours that is tried to the next
+ROUNDING = 1e-6  # of a sample's step, by which the last instant may differ from the last sample's
 SETTLED = 5.0  # time constants, after which a loop has settled to 1 %
 
 
@@ -41,7 +42,7 @@ class _Part:
         position, speed, acceleration = self.samples.T
         course = CubicHermiteSpline(self.t, position, speed)
         found = np.column_stack([course(inside), course(inside, 1), np.interp(inside, self.t, acceleration)])
-        found[inside != times, 1:] = 0.0
+        found[np.abs(inside - times) > ROUNDING * (self.t[1] - self.t[0]), 1:] = 0.0
         return found
 
 
@@ -98,14 +99,24 @@ def _part(t: Array, position: Array) -> _Part:
     count = max(round((float(t[-1]) - begin) / step), LEAST) + 1
     even = np.linspace(begin, float(t[-1]), count)
     values = CubicSpline(t, position)(even)
-    width = _width(values)
+    width = _width(values, _repeated(position))
     rows = [savgol_filter(values, width, CUBIC, deriv=order, delta=float(even[1] - even[0])) for order in range(3)]
     return _Part(begin, even, np.column_stack(rows))
 
 
-def _width(values: Array) -> int:
-    """How many samples (odd) a cubic is fitted to, by generalised cross-validation."""
-    best, least, width = LEAST, math.inf, float(LEAST)
+def _repeated(position: Array) -> int:
+    """How many samples in a row usually have one value: 1 unless a reference is held, or counted more coarsely than it moves."""
+    changes = np.flatnonzero(np.diff(position)) + 1
+    return int(np.median(np.diff([0, *changes, len(position)])))
+
+
+def _width(values: Array, repeated: int) -> int:
+    """How many samples (odd) a cubic is fitted to, by generalised cross-validation.
+
+    There are as many different ones among them as it has numbers, and one more: it cannot follow a single tread of stairs.
+    """
+    least, width = math.inf, float(LEAST * repeated)
+    best = min(2 * (int(width) // 2) + 1, len(values) - 1 + len(values) % 2)
     while width <= max(len(values) // 2, LEAST):
         odd = 2 * (int(width) // 2) + 1
         if odd > len(values):

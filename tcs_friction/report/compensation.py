@@ -212,10 +212,14 @@ def draw(found: Worth, unit: Unit) -> Figure:
     bars.xaxis.set_major_formatter(lambda value, _: plain(value))
     bars.grid(axis="y", visible=False)
     for place, stage, size, high in zip(places, stages, sizes, ends[1], strict=True):
-        words = f" {plain(size)} {unit.name}" + ("" if stage.name == NOTHING else f", {plain(1.0 / stage.gain, 2)} times less")
+        words = f" {plain(size)} {unit.name}" + ("" if stage.name == NOTHING else f", {_times(stage.gain)}")
         bars.annotate(words, (high, place), va="center", fontsize=8.5, xytext=(3, 0), textcoords="offset points")
     label(bars, f"rms tracking error ({unit.name})", "")
     return figure
+
+
+def _times(gain: float) -> str:
+    return f"{plain(1.0 / gain, 2)} times less" if gain < 1.0 else f"{plain(gain, 2)} times as much"
 
 
 def draw_errors(found: Worth, unit: Unit) -> Picture:

@@ -68,7 +68,7 @@ def gains_words(shown: Shown, kind: str) -> str:
             return f"Controller: the axis file's, which explains {_percent(shown.by_file)} of the recorded torque; {fitted}."
         return f"Controller: the axis file's, though it does not explain the recorded torque; {fitted}."
     units = [unit_on(kind, unit) for unit in ("N m s/rad", "N m/rad", "N m/(rad s)")]
-    stated = ", ".join(_gain(gain, unit) for gain, unit in zip(shown.gains.tolist(), units, strict=False))
+    stated = ", ".join(_gain(gain, unit) for gain, unit in zip(shown.gains.tolist(), units, strict=False) if gain[0])
     shares = f"it explains {_percent(shown.explained)} of the torque, the file's {_percent(max(shown.by_file, 0.0))}"
     return f"Controller: as the recording shows it, {stated}; {shares}."
 
@@ -115,7 +115,7 @@ def _of(stage: str) -> str:
 def _gain(gain: Sequence[float], unit: str) -> str:
     """A gain and its standard error, with the relative error to 0.01 %."""
     value, std = gain
-    return f"{plain(value, 4)} {unit}" + (f" ± {plain(max(100.0 * std / value, 0.01), 2)} %" if value else "")
+    return f"{plain(value, 4)} {unit} ± {plain(max(100.0 * std / value, 0.01), 2)} %"
 
 
 def _percent(share: float) -> str:

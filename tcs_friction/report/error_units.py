@@ -67,7 +67,7 @@ def between(low: float, high: float) -> str:
 def plain(value: float, digits: int = 3) -> str:
     """A number of so many digits, without a power of ten.
 
-    >>> plain(2912.4), plain(0.083412, 2), plain(0.0)
-    ('2910', '0.083', '0')
+    >>> plain(2912.4), plain(0.083412, 2), plain(24.0)
+    ('2910', '0.083', '24.0')
     """
-    return np.format_float_positional(value, digits, unique=False, fractional=False, trim="-")
+    return np.format_float_positional(value, digits, unique=False, fractional=False, trim="k").rstrip(".")
