@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from tcs_friction.control.shown_controller import Shown
 from tcs_friction.control.worth import ALL, LAW, NOTHING, Beside, Interval, Stage, Worth
@@ -209,7 +210,8 @@ def draw(found: Worth, unit: Unit) -> Figure:
         bars.set_xlim(0.5 * min(sizes.min(), float(ends.min())), 4.0 * float(ends.max()))
     else:
         bars.set_xlim(0.0, 1.3 * float(ends.max()))
-    bars.xaxis.set_major_formatter(lambda value, _: plain(value))
+    bars.xaxis.set_major_formatter(lambda value, _: f"{value:.10g}")
+    bars.xaxis.set_minor_formatter(NullFormatter())
     bars.grid(axis="y", visible=False)
     for place, stage, size, high in zip(places, stages, sizes, ends[1], strict=True):
         words = f" {plain(size)} {unit.name}" + ("" if stage.name == NOTHING else f", {_times(stage.gain)}")
