@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import welch
+from scipy.optimize import minimize_scalar
+from scipy.signal import periodogram
 
 from benchmarks.accuracy import believed, draw, run_axis
 from tcs_friction.commands.parser import positive
@@ -38,6 +39,7 @@ BAR = 0.9
 SETTLE = 2.0  # s
 SECONDS = (24.0, 72.0)  # of a recording: from one period of its motion to three
 BAND = 0.5  # of the highest frequency in the residual, up to which its spectrum is that of the drive's noise
+LOWEST = 0.2  # Hz, from where on friction leaves nothing
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,14 +67,29 @@ class Outcome:
         return f"predicted {self.stage.gain:.4f} ({low:.4f} to {high:.4f}), measured {runs}"
 
 
-def drive_noise(found: Identification) -> Drive:
-    """A drive's noise, by what an identification leaves of the torque: a first-order spectrum through its low frequencies."""
-    rate = 1.0 / float(np.median(np.diff(found.fit.t)))
-    frequency, density = welch(found.fit.residual, rate, nperseg=min(256, len(found.fit.t)))
-    low = (frequency > 0.0) & (frequency < BAND * 0.5 * rate)
-    bandwidth = Drive().noise_bandwidth
-    level = float(np.mean(density[low] * (1.0 + (frequency[low] / bandwidth) ** 2)))
-    return Drive(noise=math.sqrt(level * 0.5 * math.pi * bandwidth), noise_bandwidth=bandwidth)
+def drive_noise(found: Identification) -> tuple[Drive, float]:
+    """A drive's noise by what an identification leaves of the torque, and its standard error, N m.
+
+    A first-order spectrum is fitted to the periodogram of the low frequencies, which a position's noise and the low pass leave
+    alone. Its ordinates are independent and exponential about the spectrum (Whittle 1953), so that a fit of two numbers to n of
+    them misses the power by a share of (2 / n)^0.5 over the band.
+    """
+    t, residual = found.fit.t, found.fit.residual
+    frequency, density = periodogram(residual, 1.0 / float(np.median(np.diff(t))))
+    low = (frequency > LOWEST) & (frequency < BAND * frequency[-1])
+    frequency, density = frequency[low], density[low]
+
+    def level(bandwidth: float) -> float:
+        return float(np.mean(density * (1.0 + (frequency / bandwidth) ** 2)))
+
+    def badness(logarithm: float) -> float:
+        bandwidth = math.exp(logarithm)
+        return float(np.sum(np.log(level(bandwidth) / (1.0 + (frequency / bandwidth) ** 2))))
+
+    best = minimize_scalar(badness, bounds=(math.log(1.0), math.log(100.0)), method="bounded")
+    bandwidth = math.exp(float(best.x))
+    noise = math.sqrt(level(bandwidth) * 0.5 * math.pi * bandwidth)
+    return Drive(noise=noise, noise_bandwidth=bandwidth), 0.5 * noise * math.sqrt(2.0 / len(frequency))
 
 
 def motion(random: np.random.Generator) -> Reference:
@@ -92,13 +109,17 @@ def outcome(random: np.random.Generator, runs: int, draws: int) -> Outcome:
     guess = believed(true, random)
     found = identify([Recording(run.t, run.position, run.torque, source="simulated")], guess)
     model = identified_axis(guess, found)
-    noise = model.drive if model.drive.noise > 0.0 else drive_noise(found)
+    content = found.to_mapping()
+    noise = model.drive
+    if not noise.noise > 0.0:  # an identification that does not tell it
+        noise, std = drive_noise(found)
+        content["drive"] = {"noise": {"value": noise.noise, "std": std, "unit": "N m", "determined": True}}
     model = replace(model, sensors=true.sensors, drive=replace(noise, limit=true.drive.limit))
     controller, reference = default_control(true).controller, motion(random)
     task = Task(reference, controller, LoopConfig(), ObserverSettings(), seed=int(random.integers(2**31)), settle=SETTLE)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / IDENTIFICATION
-        path.write_text(json.dumps(found.to_mapping()))
+        path.write_text(json.dumps(content))
         spread, _ = spread_by(path, model)
     stage = worth(model, task, spread=spread, draws=draws).stage(LAW)
     seeds = random.integers(2**31, size=runs).tolist()

@@ -17,9 +17,10 @@ from tcs_friction.physics.axis import Axis
 Array = NDArray[np.float64]
 
 Unknown = tuple[str, str]
-"""A number that is not known exactly: what it belongs to (one of the three below or the name of an effect), and its own name."""
-FRICTION, BODY, CONTROLLER = "friction law", "axis", "controller"
+"""A number that is not known exactly: what it belongs to (one of those below or the name of an effect), and its own name."""
+FRICTION, BODY, DRIVE, CONTROLLER = "friction law", "axis", "drive", "controller"
 INERTIA: Unknown = (BODY, "inertia")
+NOISE: Unknown = (DRIVE, "noise")
 
 TRIES = 100
 """Of a draw that has to lie within the bounds; what then is still beyond one is put there."""
@@ -82,7 +83,7 @@ def _root(covariance: Array) -> Array:
 
 def _bounds(axis: Axis, unknown: Unknown) -> tuple[float, float]:
     part, name = unknown
-    if unknown == INERTIA:
+    if unknown in (INERTIA, NOISE):
         return math.ulp(0.0), math.inf
     if part == CONTROLLER:
         declared = next(one for one in settings(PidConfig) if one.name == name)
@@ -98,6 +99,8 @@ def _value(axis: Axis, controller: PidConfig, unknown: Unknown) -> float:
     part, name = unknown
     if unknown == INERTIA:
         return axis.inertia
+    if unknown == NOISE:
+        return axis.drive.noise
     if part == CONTROLLER:
         return float(getattr(controller, name))
     return (axis.friction if part == FRICTION else effect_names(axis)[part]).values[name]
@@ -112,5 +115,6 @@ def _moved(axis: Axis, controller: PidConfig, names: Sequence[Unknown], values: 
     effects = tuple(
         item.replace(**changed[name]) if name in changed else item for name, item in effect_names(axis).items()
     )
-    moved = replace(axis, inertia=inertia, effects=effects).with_friction(changed.get(FRICTION, {}))
+    drive = replace(axis.drive, **changed.get(DRIVE, {}))
+    moved = replace(axis, inertia=inertia, effects=effects, drive=drive).with_friction(changed.get(FRICTION, {}))
     return moved, replace(controller, **changed.get(CONTROLLER, {}))

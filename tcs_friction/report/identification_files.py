@@ -9,19 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from tcs_friction.control.model_compensator import effect_names
-from tcs_friction.control.spread import FRICTION, INERTIA, Spread, Unknown
+from tcs_friction.control.spread import FRICTION, INERTIA, NOISE, Spread, Unknown
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify.result import SCHEMA
 from tcs_friction.json_files import Json, load_json
 from tcs_friction.physics.axis import Axis
 
 IDENTIFICATION = "identification.json"
+DRIVE_NOISE = "noise of the drive"
 SAME = 1e-6
 """Relative difference of two numbers of which one was written as text."""
 
 
 def spread_by(path: Path, axis: Axis) -> tuple[Spread, tuple[str, ...]]:
     """Joint spread of an axis' friction law, inertia and offset (its bias), about the values of the axis file, and notes.
+
+    Where the identification tells the noise of the drive (`drive: {noise: {value, std}}`), that is as unsure as it says.
 
     Raises InputError for a file that is no identification, a damaged one, and one of another law.
     """
@@ -39,7 +42,7 @@ def spread_by(path: Path, axis: Axis) -> tuple[Spread, tuple[str, ...]]:
     others = [name for name in known if name not in stds]
     if others:
         notes.append(f"{path}: not determined, and taken as exact: {', '.join(others)}")
-    file = {**axis.friction.values, "inertia": axis.inertia}
+    file = {**axis.friction.values, "inertia": axis.inertia, DRIVE_NOISE: axis.drive.noise}
     moved = [name for name in places if name in file and not math.isclose(values[name], file[name], rel_tol=SAME)]
     if moved:
         stated = ", ".join(f"{name} {file[name]:.6g}, identified {values[name]:.6g}" for name in moved)
@@ -54,7 +57,9 @@ def _numbers(content: Json, axis: Axis) -> dict[str, Json]:
         if name not in axis.friction.values:
             expected = nearest(name, list(axis.friction.values))
             raise InputError(entry.where, f"{axis.friction.term.id} has no such parameter", expected)
-    return {**parameters, "inertia": content.at("inertia"), "offset": content.at("offset")}
+    rest = {"inertia": content.at("inertia"), "offset": content.at("offset")}
+    drive = content.mapping().get("drive")
+    return {**parameters, **rest, **({DRIVE_NOISE: drive.at("noise")} if drive is not None and drive.value is not None else {})}
 
 
 def _determined(entry: Json) -> bool:
@@ -68,6 +73,8 @@ def _place(axis: Axis, name: str) -> Unknown | None:
     """What of an axis has this identified number; None of an offset where it has no bias."""
     if name == "inertia":
         return INERTIA
+    if name == DRIVE_NOISE:
+        return NOISE if axis.drive.noise > 0.0 else None
     if name != "offset":
         return FRICTION, name
     biases = ((effect, item.term.offset) for effect, item in effect_names(axis).items() if item.term.offset)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tcs_friction.control.spread import FRICTION, INERTIA
+from tcs_friction.control.pid import PidConfig
+from tcs_friction.control.spread import FRICTION, INERTIA, NOISE, drawn
 from tcs_friction.errors import InputError
-from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.axis import Axis, Drive
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import instance
 from tcs_friction.report.identification_files import spread_by
@@ -75,6 +77,19 @@ def test_values_that_the_axis_file_has_otherwise_are_said(tmp_path: Path) -> Non
     spread, (note,) = spread_by(written(tmp_path / "a.json", made), axis())
     assert note.endswith("the axis file has other values, which count: coulomb 10, identified 11")
     assert len(spread.unknowns) == 3
+
+
+def test_noise_of_the_drive_is_as_unsure_as_it_is_told(tmp_path: Path) -> None:
+    made = content() | {"drive": {"noise": number(0.2, 0.01)}}
+    noisy = replace(axis(), drive=Drive(noise=0.2))
+    spread, notes = spread_by(written(tmp_path / "a.json", made), noisy)
+    assert spread.unknowns[-1] == NOISE
+    assert spread.covariance[-1, -1] == pytest.approx(1e-4)
+    assert notes == ()
+    assert {one.drive.noise for one, _ in drawn(noisy, PidConfig(), spread, 5, 0)} != {0.2}
+    quiet, _ = spread_by(written(tmp_path / "a.json", made), axis())
+    assert NOISE not in quiet.unknowns
+    assert NOISE not in spread_by(written(tmp_path / "a.json", content() | {"drive": None}), noisy)[0].unknowns
 
 
 def change(key: str, value: Any) -> Callable[[dict[str, Any]], None]:
