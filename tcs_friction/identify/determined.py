@@ -25,7 +25,7 @@ PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
 class Verdicts:
     """refined: the final fit. space: what could not be determined is held. reasons: index of unknown -> why undetermined.
 
-    owed (p, p): covariance of what depends on values that were only held. beforehand: what the motion rules out without a fit.
+    owed (p, p): covariance of what depends on values that were only held.
     """
 
     refined: Refined
@@ -34,7 +34,6 @@ class Verdicts:
     evaluations: int
     notes: tuple[str, ...]
     owed: np.ndarray
-    beforehand: frozenset[int] = frozenset()
 
 
 def judge(
@@ -51,8 +50,7 @@ def judge(
 
     `polish` False leaves the numbers where the search put them and only judges. `unshown`: what the search found undetermined.
     """
-    beforehand = _beforehand(problem, space)
-    reasons: dict[int, str] = beforehand | dict(unshown)
+    reasons: dict[int, str] = _beforehand(problem, space) | dict(unshown)
     unknowns = with_sliding_states(problem, unknowns)
     evaluations = 0
     size = float(np.std(problem.target)) or 1.0
@@ -85,9 +83,7 @@ def judge(
     undetermined = np.isin(np.arange(len(unknowns)), list(reasons))
     reasons.update(_indebted(problem, refined, current.holding(undetermined), debt, size))
     evaluations += more_evaluations
-    return Verdicts(
-        refined, current, reasons, evaluations, _notes(problem, reasons), debt.covariance, frozenset(beforehand) | set(unshown)
-    )
+    return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons), debt.covariance)
 
 
 def _states_only(problem: Problem, space: Space) -> Space:

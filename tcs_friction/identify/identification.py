@@ -14,7 +14,7 @@ from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
-from tcs_friction.identify.determined import LARGEST_RELATIVE, Verdicts, judge
+from tcs_friction.identify.determined import Verdicts, judge
 from tcs_friction.identify.extended_law import search_extended
 from tcs_friction.identify.linear_balance import likely_inertia
 from tcs_friction.identify.minimum import End, end_of_search
@@ -28,8 +28,8 @@ from tcs_friction.identify.result import Identification, TorqueTiming
 from tcs_friction.identify.sharpen import SOUND, Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.timing import likely_timing
-from tcs_friction.identify.uncertainty import noise_floor, sandwich
-from tcs_friction.identify.words import rising
+from tcs_friction.identify.uncertainty import noise_floor
+from tcs_friction.identify.words import AS_STATED, rising, when_torque_acts
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
@@ -223,6 +223,9 @@ def _concluded(task: _Task, done: _Found, began: float) -> Identification:
     refined, motion, options = verdicts.refined, problem.motion, task.options
     concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, done.shifts, end.minimum)
     parameters = concluded.parameters()
+    timing = None if motion.measured else _timing(concluded, task.free_timing)
+    period = problem.whole.grids[0].logged.period if problem.whole.grids else 0.0
+    told = (*rising(task.axis, parameters), *when_torque_acts(timing, period))
     return Identification(
         law=task.axis.friction.term.id,
         method=task.method,
@@ -245,8 +248,8 @@ def _concluded(task: _Task, done: _Found, began: float) -> Identification:
         bound=concluded.bounds(),
         seed=task.seed,
         profiles=profiles(concluded, task.cancel) if options.profile and done.polished else {},
-        notes=(*motion.notes, *verdicts.notes, *end.notes, *rising(task.axis, parameters)),
-        timing=None if motion.measured else _timing(concluded, task.free_timing),
+        notes=(*motion.notes, *verdicts.notes, *end.notes, *told),
+        timing=timing,
         noise=None if sharp is None else sharp.noise,
     )
 
@@ -335,15 +338,9 @@ def _sharpened(
     before = rms(verdicts.refined.residual[counted])
     if fine is None or before < NOISELESS * float(np.std(problem.target)):
         return verdicts, None
-    space, reasons = _all_that_may(verdicts, space), verdicts.reasons
+    held = ~verdicts.space.free & (np.arange(len(unknowns)) != problem.lateness_index)
+    space = space.holding(held)
     sharp = sharpen(fine, unknowns[:size], space.first(size), before, loss, cancel)
-    if sharp is not None:
-        reasons = _told_by(sharp, verdicts, problem)
-        held = np.isin(np.arange(len(unknowns)), list(reasons))
-        if (space.free & held).any():
-            space = space.holding(held)
-            begin = np.where(held[:size], unknowns[:size], sharp.unknowns[:size])
-            sharp = sharpen(fine, begin, space.first(size), before, loss, cancel)
     if sharp is None:
         return verdicts, None
     unknowns[:size] = sharp.unknowns[:size]
@@ -355,32 +352,15 @@ def _sharpened(
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     notes = verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED)
     evaluations = verdicts.evaluations + sharp.evaluations
-    return replace(verdicts, refined=refined, space=space, reasons=reasons, evaluations=evaluations, notes=notes), sharp
-
-
-def _all_that_may(verdicts: Verdicts, space: Space) -> Space:
-    """What predictions may move: all but what the motion rules out without a fit."""
-    return space.holding(np.isin(np.arange(len(space.free)), list(verdicts.beforehand)))
-
-
-def _told_by(sharp: Sharpened, verdicts: Verdicts, problem: Problem) -> dict[int, str]:
-    """Why unknowns are undetermined, by the predictions: those for which they know no better than torques."""
-    index = np.flatnonzero(sharp.space.free)
-    spread = np.zeros(len(sharp.unknowns))
-    covariance = sandwich(sharp.fit.jacobian[:, index], sharp.fit.residual, sharp.fit.weights)
-    spread[index] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    value, space = np.abs(sharp.unknowns), sharp.space
-    inside = (value > space.lower * 1.001) & (value < space.upper / 1.001)
-    known = (spread < LARGEST_RELATIVE * value) & (spread > 0.0) & inside
-    return {k: why for k, why in verdicts.reasons.items() if k in verdicts.beforehand or k > problem.offset_index or not known[k]}
+    return replace(verdicts, refined=refined, space=space, evaluations=evaluations, notes=notes), sharp
 
 
 def _timing(concluded: Conclusions, free: bool) -> TorqueTiming:
     """When the torque acts: the timing of the motion and the lateness that was found on top."""
     problem, sharp = concluded.problem, concluded.sharp
     timing, late = problem.motion.timing, concluded.estimate(problem.lateness_index)
-    reason = None if sharp is not None else "within a period, as usual: only predictions tell" if free else "as stated"
-    reason = reason if free else "as stated"
+    untold = None if sharp is not None else "no predictions were made that tell it"
+    reason = untold if free else AS_STATED
     acts = replace(late, value=timing.acts + late.value, determined=reason is None, reason=reason)
     between = timing.between if sharp is None else sharp.aim.fine.between
     return TorqueTiming(acts, problem.axis.actuation_delay, between.value)

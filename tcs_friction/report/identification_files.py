@@ -27,6 +27,14 @@ def content_of(
     return {**found.to_mapping(), **laws, **({"compare": searches.to_mapping()} if searches else {})}
 
 
+def identified_file(file: AxisFile, found: Identification) -> AxisFile:
+    """The axis file with what was identified: the axis, and when the logged torque acts, where that was found."""
+    signals, timing = file.signals, found.timing
+    if signals is not None and timing is not None and timing.acts.determined:
+        signals = replace(signals, torque=replace(signals.torque, acts=round(timing.acts.value, 9)))
+    return replace(file, axis=identified_axis(file.axis, found), signals=signals)
+
+
 def write_identification(
     directory: Path,
     file: AxisFile,
@@ -43,7 +51,7 @@ def write_identification(
     text = json.dumps(content_of(found, comparison, searches), indent=2, allow_nan=False) + "\n"
     with writing_into(directory):
         write_whole(directory / IDENTIFICATION, text)
-        save_axis(directory / AXIS, replace(file, axis=identified_axis(file.axis, found)), comment)
+        save_axis(directory / AXIS, identified_file(file, found), comment)
     try:
         from tcs_friction.report.identification import write_report
     except ModuleNotFoundError:
