@@ -25,7 +25,7 @@ from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.refine import Refined, Space
 from tcs_friction.identify.result import Identification, TorqueTiming
-from tcs_friction.identify.sharpen import SOUND, Sharpened, sharpen
+from tcs_friction.identify.sharpen import Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.timing import likely_timing
 from tcs_friction.identify.uncertainty import noise_floor
@@ -347,8 +347,7 @@ def _sharpened(
     refined = refit(problem, unknowns, space.holding(np.arange(len(unknowns)) < size), loss, VALLEY_STEPS)
     residual = refined.residual
     left = rms(residual[counted])
-    as_claimed = left < SOUND[1] * max(sharp.torque_left(problem.motion.bandwidth), before)
-    if not (left < WORSE * before or (sharp.sound and as_claimed)):
+    if not left < WORSE * max(before, sharp.torque_left(problem.motion.bandwidth) if sharp.sound else 0.0):
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     notes = verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED)
     evaluations = verdicts.evaluations + sharp.evaluations
