@@ -2,7 +2,7 @@
 
   info    topics, types, rates, gaps, damage, and a proposal for the signals block of an axis file
   export  the signals of an axis to .csv or .parquet, units in the column names
-  import  a .csv or .parquet file becomes a bag: columns time, position and torque, others if there are any
+  import  a table becomes a bag: columns time, position and torque, others if there are any
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from typing import Any
 
 import yaml
 
+from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.config import load_axis
-from tcs_friction.errors import InputError, printable
+from tcs_friction.errors import printable
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info, info_text
+from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.tables import export_table, import_table
 from tcs_friction.recording.write import write_recording
 from tcs_friction.writable import new_output, output_file
@@ -38,11 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     table.add_argument("file", type=Path, metavar="FILE")
     table.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
     table.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="put the signals where this file has them")
-    table.add_argument("--joint", default="axis", help="name of the joint without an axis file (default: axis)")
-    table.add_argument(
-        "--column", action="append", default=[], metavar="SIGNAL=COLUMN",
-        help="which column is time, position, torque, velocity, temperature or reference, if its name does not say",
-    )  # fmt: skip
+    add_reading(table, joint=False)
+    which = "joint of a table that has several, by name or number from 0; of another, what to call it (default: axis)"
+    table.add_argument("--joint", default="", metavar="NAME", help=which)
     for command in (info, export, table):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -60,23 +60,19 @@ def _info(arguments: argparse.Namespace) -> None:
 def _export(arguments: argparse.Namespace) -> None:
     never_over_an_input([arguments.output], [arguments.bag, arguments.axis])
     file = load_axis(arguments.axis)
-    (recording,) = read_recordings([arguments.bag], file.mapped(arguments.axis))
-    export_table(recording, arguments.output, file.axis.kind)
+    signals = file.mapped(arguments.axis)
+    (recording,) = read_recordings([arguments.bag], signals, kind=file.axis.kind)
+    export_table(recording, arguments.output, file.axis.kind, signals)
     _tell(arguments, recording.notes, {"file": str(arguments.output), "samples": len(recording), "duration": recording.duration})
 
 
 def _import(arguments: argparse.Namespace) -> None:
     file = load_axis(arguments.axis) if arguments.axis else None
-    chosen: dict[str, str] = {}
-    for entry in arguments.column:
-        signal, separator, column = entry.partition("=")
-        if not separator:
-            raise InputError("--column", repr(entry), "SIGNAL=COLUMN")
-        if signal in chosen:
-            raise InputError("--column", f"{chosen[signal]!r} and {column!r} for {signal}", "one column for a signal")
-        chosen[signal] = column
+    choice = choice_of(arguments)
     signals, kind = (file.signals, file.axis.kind) if file else (None, None)
-    imported = import_table(arguments.file, arguments.joint, chosen, signals, kind)
+    imported = import_table(arguments.file, choice.joint, choice.columns, signals, kind)
+    if choice.strict:
+        refuse_mended([imported.recording])
     write_recording(arguments.output, imported.recording, imported.signals)
     block = imported.signals.to_mapping()
     result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}

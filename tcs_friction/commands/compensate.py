@@ -12,6 +12,7 @@ import json
 import sys
 from pathlib import Path
 
+from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.simulate import surroundings
 from tcs_friction.config import default_control, load_axis, write_whole
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", type=output_directory, required=True, metavar="DIR", help="directory of the results")
     add("--diagnosis", type=Path, metavar="JSON", help="diagnosis.json that the axis file came with")
     add("--surroundings", type=Path, metavar="BAG", help="recording of temperature and signals (default: 20 degC, 0)")
+    add_reading(parser)
     add("--draws", type=int, default=16, help="of parameters within their standard deviations (default 16)")
     add("--settle", type=float, default=2.0, metavar="S", help="beginning of the run that does not count (default 2)")
     add("--seed", type=int, default=0, help="of all noise and draws (default 0)")
@@ -52,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
     if not file.axis.effects:
         raise InputError(str(arguments.axis), "no effects", "an axis file with effects, such as ./tcs diagnose writes")
     control = file.control or default_control(file.axis)
-    temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings)
+    temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings, choice_of(arguments))
     left_out, deviations = told_by(arguments.diagnosis, file.axis) if arguments.diagnosis else ({}, {})
     if arguments.diagnosis and not deviations:
         unknown = f"names no effect of {file.axis.name}"

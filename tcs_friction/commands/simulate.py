@@ -27,7 +27,8 @@ from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.mujoco_axis import MujocoSimulator
-from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.bags import NOTHING_CHOSEN, read_recordings
+from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, graph_signals
 from tcs_friction.recording.write import write_recording
@@ -114,7 +115,7 @@ def default_signals(axis: str) -> SignalMap:
 
 
 def surroundings(
-    file: AxisFile, reference: Reference, loop: LoopConfig, bag: Path | None
+    file: AxisFile, reference: Reference, loop: LoopConfig, bag: Path | None, choice: Choice = NOTHING_CHOSEN
 ) -> tuple[Array, dict[str, Array], list[str]]:
     """Temperature (n,), each exogenous signal (n,) that axis or bag needs, and notes on what was assumed."""
     times = ticks(reference, loop)
@@ -124,7 +125,7 @@ def surroundings(
     if bag is not None:
         if file.signals is None:
             raise InputError("--surroundings", "no signals block in the axis file", "where the signals are")
-        (source,) = read_recordings([bag], file.signals)
+        (source,) = read_recordings([bag], file.signals, choice, file.axis.kind)
         found = {name: np.interp(times, source.t, values) for name, values in source.exogenous.items()}
         if source.temperature is not None:
             temperature = np.interp(times, source.t, source.temperature)

@@ -26,7 +26,7 @@ from tcs_friction.identify.result import Estimate, Identification
 from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import instance
-from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.recording.signals import SignalMap
 
 LAWS = ("coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre")
@@ -77,6 +77,7 @@ def first_axis(
         recordings = [replace(one, torque=-one.torque) for one in recordings]
         signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
     guess = _axis(name, kind, balance, heavy, largest)
+    guess = replace(guess, torque_unit=same_torque_unit(recordings))
     comparison = compare_laws(recordings, guess, progress=progress, names=LAWS)
     found = _plainest(comparison)
     noise, step = _encoder(recordings)
@@ -158,11 +159,10 @@ def _cautious(axis: Axis, fastest: float, travel: float) -> Control:
 def _reasons(
     axis: Axis, found: Identification, comparison: Comparison, recordings: Sequence[Recording], fastest: float, turned: bool
 ) -> dict[Path, str]:
-    rotary = axis.kind == "rotary"
     rows = ", ".join(
         [*(f"{row.law} {row.held_out:.3g}" for row in comparison.rows), *(f"{law} not fitted" for law in comparison.left_out)]
     )
-    unit, length = ("N m", "rad") if rotary else ("N", "m")
+    unit, length = axis.unit("N m"), axis.unit("rad")
     reasons: dict[Path, str] = {
         ("axis", "kind"): "",
         ("axis", "inertia"): _estimated(found.inertia),

@@ -31,6 +31,8 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.physics.registry import offset
 from tcs_friction.physics.terms import Instance, instance
+from tcs_friction.recording.mending import mendings
+from tcs_friction.recording.recording import Recording
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
@@ -106,6 +108,9 @@ def identify(
     motion = prepare(data, options.bandwidth, despike=options.loss == "huber")
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError("identification", "the axis never moves", "a recording of motion")
+    for one in data:
+        if isinstance(one, Recording) and not np.ptp(one.torque) > 0.0:
+            raise InputError(one.source, f"the torque is constant ({one.torque[0]:g})", "the torque applied to the axis")
     free_inertia = not options.hold_inertia and not motion.measured
     if free_inertia:
         axis = replace(axis, inertia=likely_inertia(axis.inertia, motion))
@@ -154,8 +159,13 @@ def identify(
         bound=concluded.bounds(),
         seed=seed,
         profiles=profiles(concluded, cancel) if options.profile and polish else {},
-        notes=(*motion.notes, *verdicts.notes),
+        notes=(*_mended(data), *motion.notes, *verdicts.notes),
     )
+
+
+def _mended(data: Sequence[Data]) -> tuple[str, ...]:
+    """What was mended in the recordings on reading them."""
+    return mendings([one for one in data if isinstance(one, Recording)])
 
 
 def _law_instance(axis: Axis, law: str | None) -> Instance:

@@ -216,5 +216,5 @@ def _cut(
     seconds = (times - times[0]) / 1e9
     return Recording(
         seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
-        exogenous, segments, source, tuple(told), int(times[0]),
+        exogenous, segments, source, tuple(told), int(times[0]), signals.torque_unit,
     )  # fmt: skip

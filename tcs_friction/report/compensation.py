@@ -118,7 +118,7 @@ def write_report(directory: Path, found: Worth, axis: Axis, reference: str, note
     numbers = [
         Number("friction law alone", f"{law.rms / scale:.3g} {unit}", "rms tracking error"),
         Number("all that is known", f"{after.rms / scale:.3g} {unit}", "rms tracking error"),
-        Number("largest compensation", f"{found.torque:.4g} {'N m' if axis.kind == 'rotary' else 'N'}", "of the drive's torque"),
+        Number("largest compensation", f"{found.torque:.4g} {axis.unit('N m')}", "of the drive's torque"),
     ]
     hindered: list[Html] = []
     if found.not_cancelled:

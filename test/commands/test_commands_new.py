@@ -112,15 +112,14 @@ def test_a_table_says_by_its_units_that_an_axis_is_linear(run: LoopRun, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("column", "factor", "inertia", "said"),
-    [
-        ("q-axis current [mA]", 10.0, 10.0, "recorded in mA of the drive: read A for N m wherever that stands"),
-        ("torque [kNm]", 1e-3, 1000.0, ""),
-    ],
+    ("column", "factor", "inertia", "unit"),
+    [("q-axis current [mA]", 10.0, 10.0, "A"), ("torque [kNm]", 1e-3, 1000.0, ""), ("actualTorque [%]", 0.5, 500.0, "%")],
 )
 def test_a_drives_current_is_taken_for_the_torque(
-    run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, column: str, factor: float, inertia: float, said: str
-) -> None:
+    run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], column: str, factor: float,
+    inertia: float, unit: str,
+) -> None:  # fmt: skip
+    """Everything with torque in it is then in A, in the file and wherever it is told, and stays so in what is made with the file."""
     monkeypatch.setattr(first_axis, "LAWS", first_axis.LAWS[:1])
     table, path = tmp_path / "run.csv", tmp_path / "axis.yaml"
     with table.open("w", newline="") as stream:
@@ -128,9 +127,21 @@ def test_a_drives_current_is_taken_for_the_torque(
         rows.writerow(["time [s]", "Position [deg]", column])
         rows.writerows(zip(run.t[::10], np.degrees(run.position[::10]), factor * run.torque[::10], strict=True))
     assert main(["new", str(table), "-o", str(path)]) == 0
-    assert load_axis(path).axis.inertia == pytest.approx(inertia, rel=0.2), "by the simplest law"
-    assert said in path.read_text()
-    assert ("of the drive" in path.read_text()) == bool(said)
+    told = capsys.readouterr().out
+    axis = load_axis(path).axis
+    assert axis.inertia == pytest.approx(inertia, rel=0.2), "by the simplest law"
+    assert axis.torque_unit == unit
+    for text in (told, path.read_text()):
+        assert (f"{unit} s^2/rad" in text) == bool(unit)
+        assert ("kg m^2" in text) == (not unit)
+        assert not unit or "N m" not in text
+    assert main(["identify", str(table), "--axis", str(path), "-o", str(tmp_path / "out"), "--method", "pso"]) == 0
+    found = json.loads((tmp_path / "out" / "identification.json").read_text())
+    assert found["inertia"]["unit"] == (f"{unit} s^2/rad" if unit else "kg m^2")
+    assert found["offset"]["unit"] == (unit or "N m")
+    assert load_axis(tmp_path / "out" / "axis.yaml").axis.torque_unit == unit
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert ("N m" in report.replace("\u00a0", " ")) == (not unit)
 
 
 @pytest.mark.usefixtures("one_law")
