@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from tcs_friction.commands.inputs import add_recordings, choice_of
+from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import load_axis, write_whole
@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     axis = "axis file: known delay, and where the signals are"
     add_recordings(parser, "recordings of an excited run", axis)
+    add_reading(parser)
     parser.add_argument(
         "--lowest", type=float, metavar="HZ", help="default: what the length of the recordings allows"
     )

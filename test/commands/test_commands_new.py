@@ -119,7 +119,7 @@ def test_a_drives_current_is_taken_for_the_torque(
     run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], column: str, factor: float,
     inertia: float, unit: str,
 ) -> None:  # fmt: skip
-    """Everything with torque in it is then in A, in the file and wherever it is told, and stays so in what is made with the file."""
+    """Everything with torque in it is then in A, in the file and wherever it is told, and in what is made with the file."""
     monkeypatch.setattr(first_axis, "LAWS", first_axis.LAWS[:1])
     table, path = tmp_path / "run.csv", tmp_path / "axis.yaml"
     with table.open("w", newline="") as stream:

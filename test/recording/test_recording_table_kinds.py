@@ -188,7 +188,7 @@ def test_a_cut_last_row_is_mended_and_strict_refuses_it(tmp_path: Path) -> None:
         read_recordings([path], signals, Choice(strict=True))
 
 
-JOINTS = ("__time", "/joint_states/az/effort", "/joint_states/az/position", "/joint_states/el/effort", "/joint_states/el/position")
+JOINTS = ("__time", *(f"/joint_states/{joint}/{field}" for joint in ("az", "el") for field in ("effort", "position")))
 NUMBERED = ("t", "tau1", "q1", "tau2", "q2")
 
 
