@@ -116,6 +116,7 @@ def import_table(
     sources, units_told = _sources(roles, signals, kind, where, notes)
     values = {name: sources[name].si(table.columns[role.column]) for name, role in roles.columns.items() if name != "time"}
     times, start = _times(table, roles.columns["time"], values, where, notes)
+    roles.left_out.update(table.starts)  # further dates
     others = _others(table.columns, roles, where)
     torque_unit = _torque_unit(sources["torque"], signals, where, notes)
     if signals is None:

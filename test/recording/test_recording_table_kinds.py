@@ -128,6 +128,13 @@ def test_times_in_words_are_read(form: str, start: int, tmp_path: Path) -> None:
     assert any("without a zone" in note for note in found.notes) == (form.endswith("f}") and start > 0)
 
 
+def test_a_second_column_of_dates_is_no_signal(tmp_path: Path) -> None:
+    rows = "".join(f"2026-11-01,{t:.6f},{q!r},{u!r}\n" for t, q, u in zip(T, Q.tolist(), U.tolist(), strict=True))
+    found = read(tmp_path / "a.csv", "Date,time [s],position [rad],torque [N m]\n" + rows).recording
+    assert right(found)
+    assert not found.exogenous
+
+
 def test_a_clock_may_pass_midnight_and_zones_may_change(tmp_path: Path) -> None:
     samples = list(zip(T, Q, U, strict=True))
     rows = [f"{'23:59:59' if t < 0.1 else '00:00:00'}.{round(900 + 1e3 * t) % 1000:03d},{q},{u}" for t, q, u in samples]
