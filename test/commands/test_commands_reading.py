@@ -16,6 +16,7 @@ import pytest
 from tcs_friction.cli import main
 from tcs_friction.commands import inputs
 from tcs_friction.config import AxisFile, load_axis, save_axis, shipped
+from tcs_friction.diagnose.from_simulation import signals_of
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis, Drive
 from tcs_friction.physics.registry import law
@@ -268,6 +269,41 @@ def test_results_are_in_the_unit_of_the_torque(told: str, tmp_path: Path, capsys
     assert units == ["A s^2/rad", "A", "A", "A s/rad"]
     assert load_axis(out / "axis.yaml").axis.torque_unit == "A"
     assert "N m" not in (out / "report.html").read_text().replace("\u00a0", " ")
+
+
+def test_a_constant_torque_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = table_with(tmp_path / "run.csv", "torque", 0.0)
+    save_axis(tmp_path / "az.yaml", axis_file(PLAIN))
+    assert main(["identify", str(table), "--axis", str(tmp_path / "az.yaml"), "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "run.csv: the torque is constant (0), expected the torque applied to the axis" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("encoding", ["json", "protobuf"])
+def test_messages_that_are_not_read_are_told(encoding: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("foxglove.JointStates", f"{encoding}schema", b"{}")
+        channel = writer.register_channel(PLACE, encoding, schema)
+        for k in range(5):
+            writer.add_message(channel, k, b"{}", k)
+        writer.finish()
+    save_axis(tmp_path / "az.yaml", axis_file(PLAIN))
+    for words in (["new"], ["identify", "--axis", str(tmp_path / "az.yaml")]):
+        assert main([*words, str(path), "-o", str(tmp_path / "out")]) == 2
+        said = capsys.readouterr().err
+        assert f"messages are serialised as {encoding}, expected cdr or ros1, or the signals as a table (.csv)" in said
+        assert said.count("\n") == 1
+
+
+def test_a_simulation_may_be_a_table(tmp_path: Path) -> None:
+    found = signals_of(table_with(tmp_path / "run.csv", "torque [A]", 1.0))
+    assert found.torque.unit == "A"
 
 
 def test_units_of_torque_that_do_not_convert_are_refused(tmp_path: Path) -> None:
