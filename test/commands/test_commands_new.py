@@ -155,7 +155,7 @@ def test_a_joints_name_says_that_an_axis_is_linear_and_another_joint_can_be_aske
     ("words", "expected"),
     [
         (["BAG", "--joint", "altitude"], "--joint: no joint 'altitude', expected one of azimuth"),
-        (["BAG", "--column", "torque=u"], "--column: given for a bag, expected a table"),
+        (["BAG", "--column", "torque=u"], "bag, expected a table"),
         (["BAG", "BAG.csv"], "recordings: bags and tables together, expected bags, or tables"),
         (["missing"], "missing: does not exist"),
     ],
