@@ -24,6 +24,7 @@ BENCHMARKS = {
     "hostile": "files drawn to hurt, beside the limits of time and memory",
     "fleet": "many recordings on two workers beside one, the engine beside the work",
     "compensated": "tracking for having been diagnosed, beside an axis without the effects",
+    "compensated_prediction": "predicted gain of compensation, beside the gain then measured on the true axis",
     "monitor": "the watch for changes: false alarms in a day, time until a change is told, cost of a tick",
     "fleet_year": "changes in years of stored results: false ones, and planted ones within their errors",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks import accuracy
+from tcs_friction.conditioning.motion import FrictionSeries, prepare
 from tcs_friction.identify.cost import LuGreCost
-from tcs_friction.identify.motion import FrictionSeries, prepare
 from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.start import believed_start
 from tcs_friction.physics import machine

@@ -267,7 +267,7 @@ def _default(posed: Problem, cost: LuGreCost, seed: int, best: float) -> tuple[f
         posed.target,
         posed.weights,
         shape.unknowns(found.position),
-        space_of(posed, False, False),
+        space_of(posed, False, False, False),
     )
     seconds = time.perf_counter() - began
     final = float(cost.costs(refined.unknowns[None, :8])[0])

@@ -37,6 +37,8 @@ T = TypeVar("T")
 
 AXIS_KEYS = ("name", "kind", "inertia", "actuation_delay", "friction", "effects", "sensors", "drive")
 EFFECT_KEYS = ("effect", "parameters", "signal", "table")
+SPEED_LOOP = 60.0  # rad/s, crossover of a cautious speed loop
+PERIODS = 20.0  # of the control, in a cycle of that crossover
 TABLE_KEYS = ("coordinates", "lower", "upper", "values")
 
 
@@ -50,21 +52,28 @@ class Control:
     loop: LoopConfig = field(default_factory=LoopConfig)
 
 
-def default_control(axis: Axis) -> Control:
+def default_control(axis: Axis, period: float = LoopConfig.period) -> Control:
     """A cautious controller for an axis whose file has no control block: gains in proportion to the inertia.
 
-    The speed loop crosses over at about 60 rad/s, the position loop at 20 rad/s; only the drive limits torque.
+    The speed loop crosses over at SPEED_LOOP, the position loop at a third of it; only the drive limits torque. All are slower
+    where the control period (s) is so long that a cycle of the crossover would have fewer than PERIODS of them: held torque
+    lags by half a period, which then takes at most 9 degrees of the phase margin.
     """
+    slower = min(1.0, 2.0 * math.pi / (PERIODS * period * SPEED_LOOP))
     controller = PidConfig(
-        position_proportional=20.0,
-        velocity_proportional=60.0 * axis.inertia,
-        velocity_integral=1000.0 * axis.inertia,
+        position_proportional=20.0 * slower,
+        velocity_proportional=SPEED_LOOP * slower * axis.inertia,
+        velocity_integral=1000.0 * slower**2 * axis.inertia,
         inertia_feedforward=axis.inertia,
         velocity_limit=1e6,
         torque_limit=min(axis.drive.limit, 1e12),
     )
-    plant = NominalPlant(first=axis.inertia)
-    return Control(controller, ObserverSettings(plant, actuation_delay=min(axis.actuation_delay, 0.1)))
+    observer = ObserverSettings(
+        NominalPlant(first=axis.inertia),
+        bandwidth=ObserverSettings.bandwidth * slower,
+        actuation_delay=min(axis.actuation_delay, 0.1),
+    )
+    return Control(controller, observer, loop=LoopConfig(period=period))
 
 
 @dataclass(frozen=True)

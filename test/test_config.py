@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tcs_friction.config import (
     AxisFile,
     axis_mapping,
+    default_control,
     load_axis,
     load_yaml,
     parse_axis,
@@ -236,3 +237,16 @@ def test_text_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Mo
         write_whole(path, "second")
     assert path.read_text() == "first"
     assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("period", "slower"), [(1e-4, 1.0), (1e-3, 1.0), (0.01, 0.5236), (0.02, 0.2618), (0.1, 0.05236)])
+def test_a_controller_without_a_block_suits_its_period(period: float, slower: float) -> None:
+    """Its speed loop's crossover has 20 periods in a cycle; gains scale with the crossover, an integral one with its square."""
+    axis = parse_axis({"inertia": 2.0, "friction": {"law": "coulomb_viscous", "coulomb": 1.0, "viscous": 0.0}})
+    control, usual = default_control(axis, period), default_control(axis)
+    assert control.loop.period == period
+    assert control.controller.velocity_proportional == pytest.approx(120.0 * slower, rel=1e-3)
+    assert control.controller.position_proportional == pytest.approx(20.0 * slower, rel=1e-3)
+    assert control.controller.velocity_integral == pytest.approx(2000.0 * slower**2, rel=1e-3)
+    assert control.observer.bandwidth == pytest.approx(usual.observer.bandwidth * slower, rel=1e-3)
+    assert control.controller.velocity_proportional * period / 2.0 <= 2.0 * math.pi / 20.0 * (1.0 + 1e-9)

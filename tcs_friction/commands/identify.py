@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +16,27 @@ from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.status_line import status_line
-from tcs_friction.config import AxisFile, load_axis, save_axis, write_whole
-from tcs_friction.errors import InputError, JobError, nearest, writing_into
+from tcs_friction.config import load_axis
+from tcs_friction.errors import InputError, JobError, nearest
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.conclusions import UNCERTAINTIES
-from tcs_friction.identify.identification import METHODS, IdentifyOptions, identified_axis, identify
+from tcs_friction.identify.identification import METHODS, IdentifyOptions, identify
+from tcs_friction.identify.minimum import NO_MINIMUM
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.pso_ga import Generation
-from tcs_friction.identify.result import Identification
+from tcs_friction.identify.result import Estimate, Identification
+from tcs_friction.identify.searches import AS_PRINTED, HYBRID, NAMES, Searches, compare_searches
+from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording, same_torque_unit
+from tcs_friction.report.identification_files import AXIS, IDENTIFICATION, content_of, write_identification
+from tcs_friction.report.numbers import aligned
 from tcs_friction.yaml_files import load_yaml
 
 ALL = "all"
 UNKNOWN_INERTIA = 1.0  # kg m^2, where the axis file has none; the fit is linear in it and needs no guess
-WRITTEN = ("identification.json", "axis.yaml", "report.html")
+WRITTEN = (IDENTIFICATION, AXIS, "report.html")
 ADJUSTABLE = ("pso-ga", "pso", "ga")
 SETTINGS = tuple(field.name for field in fields(SwarmOptions))
 
@@ -49,6 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--swarm", action="append", default=[], metavar="NAME=VALUE",
         help=f"a setting of {', '.join(ADJUSTABLE)}, as often as needed: {', '.join(SETTINGS)}",
+    )  # fmt: skip
+    parser.add_argument(
+        "--refine", action="store_true",
+        help="finish the search of --method as the default method does: least squares, with intervals",
+    )  # fmt: skip
+    parser.add_argument(
+        "--compare", action="store_true",
+        help="run PSO beside PSO-GA with the same seed and as many evaluations, and show both",
     )  # fmt: skip
     parser.add_argument("--hold-inertia", action="store_true", help="keep the axis file's inertia")
     parser.add_argument("--no-offset", action="store_true", help="allow no constant torque")
@@ -80,47 +93,64 @@ def run(arguments: argparse.Namespace) -> int:
         offset=not arguments.no_offset,
         loss=arguments.loss,
         bandwidth=arguments.bandwidth,
-        swarm=_swarm(arguments.swarm, arguments.method),
+        swarm=_swarm(arguments.swarm, arguments.method, arguments.compare),
         uncertainty=arguments.uncertainty,
         profile=arguments.profile,
+        refine=arguments.refine,
     )
+    if arguments.compare and arguments.law == ALL:
+        raise InputError("--compare", "given with --law all", "one law, on which both search")
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")
     recordings = read_recordings(arguments.bags, signals, choice_of(arguments), file.axis.kind)
     file = file.measured_in(same_torque_unit(recordings))
-    comparison = None
+    found, comparison, searches = _identified(arguments, recordings, file.axis, options)
+    if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
+        where = str(arguments.axis)
+        raise JobError(where, f"has no inertia, and {arguments.bags[0]} determines none: {found.inertia.reason}", "either")
+    write_identification(arguments.output, file, found, recordings, comparison, searches)
+    tell_notes(recordings)
+    print(
+        json.dumps(content_of(found, comparison, searches), allow_nan=False)
+        if arguments.json
+        else _summary(arguments.output, found, comparison, searches)
+    )
+    if not any(item.determined for item in found.parameters.values()):
+        expected = "a recording with reversals and several speeds"
+        raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
+    if not found.minimum:
+        expected = "--refine, or more generations; what it found is written, without intervals"
+        raise JobError(f"--method {arguments.method}", NO_MINIMUM, expected)
+    return 0
+
+
+def _identified(
+    arguments: argparse.Namespace, recordings: Sequence[Recording], axis: Axis, options: IdentifyOptions
+) -> tuple[Identification, Comparison | None, Searches | None]:
+    """What was asked for, and the laws or the searches beside each other."""
+    seed, law, method = arguments.seed, arguments.law, arguments.method
     with status_line() as show:
 
         def progress(generation: Generation) -> None:
             show(f"{100.0 * generation.share:3.0f} %  cost {generation.cost:.6g}")
 
-        if arguments.law == ALL:
-            comparison = compare_laws(recordings, file.axis, arguments.seed, progress, options=options)
-            found = comparison.best
-        else:
-            found = identify(
-                recordings, file.axis, arguments.method, arguments.law, arguments.seed, progress, options=options
-            )
-    if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
-        where = str(arguments.axis)
-        raise JobError(where, f"has no inertia, and {arguments.bags[0]} determines none: {found.inertia.reason}", "either")
-    _write(arguments.output, file, recordings, found, comparison)
-    tell_notes(recordings)
-    content = _content(found, comparison)
-    print(
-        json.dumps(content, allow_nan=False)
-        if arguments.json
-        else _summary(arguments.output, found, comparison)
-    )
-    if not any(item.determined for item in found.parameters.values()):
-        expected = "a recording with reversals and several speeds"
-        raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
-    return 0
+        def of_several(which: str, generation: Generation) -> None:
+            show(f"{which}: {100.0 * generation.share:.0f} %  cost {generation.cost:.6g}")
+
+        if law == ALL:
+            comparison = compare_laws(recordings, axis, seed, of_several, options=options)
+            return comparison.best, comparison, None
+        searches = None
+        if arguments.compare:
+            searches = compare_searches(recordings, axis, law, seed, progress, options, method)
+            if method in (HYBRID, AS_PRINTED) and not options.refine:
+                return searches.found[HYBRID], None, searches
+        return identify(recordings, axis, method, law, seed, progress, options=options), None, searches
 
 
-def _swarm(words: Sequence[str], method: str) -> SwarmOptions:
+def _swarm(words: Sequence[str], method: str, compare: bool) -> SwarmOptions:
     """Settings from NAME=VALUE; InputError for names and values that cannot be, and for methods that have none to choose."""
-    if words and method not in ADJUSTABLE:
+    if words and method not in ADJUSTABLE and not compare:
         raise InputError(
             "--swarm", f"method {method} has settings of its own", f"--method {' or '.join(ADJUSTABLE)}"
         )
@@ -139,51 +169,32 @@ def _swarm(words: Sequence[str], method: str) -> SwarmOptions:
     return SwarmOptions(**values)
 
 
-def _content(found: Identification, comparison: Comparison | None) -> dict[str, object]:
-    extra = {"laws": comparison.to_mapping()} if comparison else {}
-    return {**found.to_mapping(), **extra}
-
-
-def _write(
-    directory: Path,
-    file: AxisFile,
-    recordings: tuple[Recording, ...],
-    found: Identification,
-    comparison: Comparison | None,
-) -> None:
-    """All results; the report last, since it names the others."""
-    axis = identified_axis(file.axis, found)
-    comment = f"Friction identified by tcs-friction ({found.law}, {found.method}, seed {found.seed})."
-    text = json.dumps(_content(found, comparison), indent=2, allow_nan=False) + "\n"
-    with writing_into(directory):
-        write_whole(directory / "identification.json", text)
-        save_axis(directory / "axis.yaml", replace(file, axis=axis), comment)
-    try:
-        from tcs_friction.report.identification import write_report
-    except ModuleNotFoundError:
-        return
-    write_report(directory, found, recordings, comparison)
-
-
-def _summary(directory: Path, found: Identification, comparison: Comparison | None) -> str:
-    rows = {**found.parameters, "inertia": found.inertia, "offset": found.offset}
-    width = max(map(len, rows))
+def _summary(
+    directory: Path, found: Identification, comparison: Comparison | None, searches: Searches | None
+) -> str:
+    width = max(map(len, found.every))
     lines = [f"{found.law} ({found.method}, {found.outcome.value}, {found.seconds:.1f} s)"]
-    for name, item in rows.items():
-        shown = (
-            f"{item.value:12.6g} ± {item.std:.2g} {item.unit}"
-            if item.determined
-            else f"  undetermined: {item.reason}"
-        )
-        lines.append(f"  {name:{width}}  {shown}")
+    lines += [f"  {name:{width}}  {_shown(item, found.minimum)}" for name, item in found.every.items()]
     errors = found.rmse
     noise = f"noise at least {found.noise_floor:.4g} {found.offset.unit}"
     lines.append(f"residual {errors.train:.4g} train, {errors.held_out:.4g} held out; {noise}")
+    lines += found.notes
     if comparison:
         lines += ["", f"{'law':18} {'held out':>10} {'train':>10} {'parameters':>10}"]
         lines += [
             f"{row.law:18} {row.held_out:10.4g} {row.train:10.4g} {row.parameters:10d}"
             for row in comparison.rows
         ]
-    lines.append(str(directory / "identification.json"))
+    if searches:
+        head = ["with as many evaluations", *(NAMES[method] for method in searches.found), ""]
+        lines += ["", *aligned([head, *searches.rows()])]
+    lines.append(str(directory / IDENTIFICATION))
     return "\n".join(lines)
+
+
+def _shown(item: Estimate, minimum: bool) -> str:
+    if not item.determined:
+        return f"  undetermined: {item.reason}"
+    if not minimum:
+        return f"{item.value:12.6g} {item.unit}, no interval: {NO_MINIMUM}"
+    return f"{item.value:12.6g} ± {item.std:.2g} {item.unit}"

@@ -24,6 +24,7 @@ from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import axis_file_mapping, write_whole
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify.first_axis import FirstAxis, first_axis
+from tcs_friction.identify.first_axis_reasons import doubts, reasons
 from tcs_friction.recording.bags import agreeing, read_recordings
 from tcs_friction.recording.decode import READABLE, SERIALISED
 from tcs_friction.recording.info import bag_info
@@ -65,12 +66,12 @@ def run(arguments: argparse.Namespace) -> None:
     else:
         why = "as asked for" if arguments.kind else "by the units"
     with status_line() as show:
-        found = first_axis(recordings, name, kind, signals, lambda law: show(f"{100.0 * law.share:3.0f} % of a law"))
-    reasons = {("axis", "kind"): why, **found.reasons}
+        found = first_axis(recordings, name, kind, signals, show)
+    told = {("axis", "kind"): why, **reasons(found, recordings)}
     sources = ", ".join(map(str, arguments.recordings))
     heading = [f"Made by tcs-friction from {sources}. Look at it before a loop is closed with it."]
-    heading += [f"Doubtful: {line}." for line in found.doubts]
-    write_whole(arguments.output, text_of(axis_file_mapping(found.file), reasons, heading))
+    heading += [f"Doubtful: {line}." for line in doubts(found)]
+    write_whole(arguments.output, text_of(axis_file_mapping(found.file), told, heading))
     tell_notes(recordings)
     _tell(arguments, found, why)
 
@@ -129,7 +130,7 @@ def _kind(recordings: Sequence[Recording], signals: SignalMap) -> tuple[str, str
     return "rotary", f"nothing says so: it travels {travel:.3g}; --kind linear if that is in metres"
 
 
-def text_of(content: Mapping[str, Any], reasons: Mapping[tuple[str, ...], str], heading: Sequence[str]) -> str:
+def text_of(content: Mapping[str, Any], told: Mapping[tuple[str, ...], str], heading: Sequence[str]) -> str:
     """An axis file as YAML, with each reason as a comment behind the line that it is about.
 
     >>> print(text_of({"axis": {"inertia": 2.0}}, {("axis", "inertia"): "± 0.1 kg m^2"}, ["First."]), end="")
@@ -143,7 +144,7 @@ def text_of(content: Mapping[str, Any], reasons: Mapping[tuple[str, ...], str], 
         match = re.match(r"( *)(\w+):", line)
         if match is not None:
             path = [*path[: len(match[1]) // 2], match[2]]
-            reason = reasons.get(tuple(path))
+            reason = told.get(tuple(path))
             if reason:
                 line = f"{line.ljust(WIDTH - 1)} # {reason}"
         lines.append(line)
@@ -163,10 +164,11 @@ def _tell(arguments: argparse.Namespace, found: FirstAxis, why: str) -> None:
     axis = found.file.axis
     if arguments.json:
         content = {"file": str(arguments.output), "axis": axis.name, "kind": axis.kind, "inertia": axis.inertia}
-        content |= {"law": axis.friction.term.id, "laws": found.comparison.to_mapping(), "doubts": list(found.doubts)}
+        content |= {"law": axis.friction.term.id, "laws": [law.to_mapping() for law in found.rough]}
+        content["doubts"] = list(doubts(found))
         print(json.dumps(content, allow_nan=False))
         return
     unit = axis.unit("kg m^2")
     print(f"{arguments.output}: {axis.kind} axis {axis.name} ({why}), {axis.inertia:.4g} {unit}, {axis.friction.term.id}")
-    for line in found.doubts:
+    for line in doubts(found):
         print(f"  doubtful: {line}")

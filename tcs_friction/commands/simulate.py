@@ -21,9 +21,17 @@ from numpy.typing import NDArray
 
 from tcs_friction.commands.inputs import MUJOCO, add_plant, check_plant
 from tcs_friction.config import AxisFile, Control, default_control, load_axis, shipped
-from tcs_friction.control.loop import Cancellation, LoopConfig, LoopRun, PlantMaker, simulate_loop, ticks
+from tcs_friction.control.loop import (
+    Cancellation,
+    LoopConfig,
+    LoopRun,
+    PlantMaker,
+    Wanted,
+    simulate_loop,
+    ticks,
+)
 from tcs_friction.control.model_compensator import signals_of
-from tcs_friction.control.reference import Reference, load_reference
+from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.mujoco_axis import MujocoSimulator
@@ -71,7 +79,9 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
     control = file.control or default_control(file.axis)
     signals = file.signals or default_signals(file.axis.name)
-    temperature, exogenous, notes = surroundings(file, reference, control.loop, arguments.surroundings)
+    temperature, exogenous, notes = surroundings(
+        file, reference, control.loop, read_surroundings(file, arguments.surroundings)
+    )
     if arguments.plant == MUJOCO:
         notes = [f"{arguments.axis}: its effects are not simulated, the model is"] if file.axis.effects else []
     else:
@@ -114,18 +124,25 @@ def default_signals(axis: str) -> SignalMap:
     return graph_signals(f"/{axis}", axis)
 
 
+def read_surroundings(file: AxisFile, bag: Path | None, choice: Choice = NOTHING_CHOSEN) -> Recording | None:
+    """The recording that --surroundings names. Raises InputError where the axis file does not say where the signals are."""
+    if bag is None:
+        return None
+    if file.signals is None:
+        raise InputError("--surroundings", "no signals block in the axis file", "where the signals are")
+    (source,) = read_recordings([bag], file.signals, choice, file.axis.kind)
+    return source
+
+
 def surroundings(
-    file: AxisFile, reference: Reference, loop: LoopConfig, bag: Path | None, choice: Choice = NOTHING_CHOSEN
+    file: AxisFile, reference: Wanted, loop: LoopConfig, source: Recording | None
 ) -> tuple[Array, dict[str, Array], list[str]]:
     """Temperature (n,), each exogenous signal (n,) that axis or bag needs, and notes on what was assumed."""
     times = ticks(reference, loop)
     names = dict.fromkeys([*signals_of(file.axis), *(file.signals.exogenous if file.signals else ())])
     found: dict[str, Array] = {}
     temperature = np.full(len(times), ROOM_TEMPERATURE)
-    if bag is not None:
-        if file.signals is None:
-            raise InputError("--surroundings", "no signals block in the axis file", "where the signals are")
-        (source,) = read_recordings([bag], file.signals, choice, file.axis.kind)
+    if source is not None:
         found = {name: np.interp(times, source.t, values) for name, values in source.exogenous.items()}
         if source.temperature is not None:
             temperature = np.interp(times, source.t, source.temperature)
@@ -134,7 +151,8 @@ def surroundings(
         for name in signals_of(file.axis)
         if name not in found
     ]
-    if bag is None and any(item.term.temperature for item in file.axis.effects):
+    unknown = source is None or source.temperature is None
+    if unknown and any(item.term.temperature for item in file.axis.effects):
         notes.append(f"temperature is taken as {ROOM_TEMPERATURE:g} degC (--surroundings BAG gives it)")
     return temperature, {name: found.get(name, np.zeros(len(times))) for name in names}, notes
 

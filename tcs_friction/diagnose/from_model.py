@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from tcs_friction.conditioning.data_set import Stretch
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile, default_control
 from tcs_friction.control.loop import LoopConfig, simulate_loop
-from tcs_friction.diagnose.dataset.data_set import Stretch
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.mujoco_axis import MujocoSimulator

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tcs_friction.conditioning.checks import plain_balance
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.dataset.checks import plain_balance
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import identified_axis, identify

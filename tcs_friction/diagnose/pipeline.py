@@ -21,10 +21,10 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from tcs_friction.conditioning.checks import check_units
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile
-from tcs_friction.diagnose.dataset.checks import check_units
 from tcs_friction.diagnose.dataset.excitation import barred, lacking
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise

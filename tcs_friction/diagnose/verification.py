@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.control.guard import WINDOW, Gain
 from tcs_friction.control.model_compensator import effect_names
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.noise import NoiseModel, white_noise
 from tcs_friction.diagnose.fit.noise_estimate import estimated

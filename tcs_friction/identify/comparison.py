@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
+from tcs_friction.conditioning.motion import Data
 from tcs_friction.errors import InputError
 from tcs_friction.identify.identification import IdentifyOptions, identify
-from tcs_friction.identify.motion import Data
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification, finite
 from tcs_friction.physics.axis import Axis
@@ -62,22 +63,24 @@ def compare_laws(
     data: Sequence[Data],
     axis: Axis,
     seed: int = 0,
-    progress: Callable[[Generation], None] = lambda _: None,
+    progress: Callable[[str, Generation], None] = lambda *_: None,
     cancel: Callable[[], bool] = lambda: False,
     options: IdentifyOptions | None = None,
     names: Sequence[str] | None = None,
 ) -> Comparison:
-    """Identify every law that has a formula (or those named) by the default method.
+    """Identify every law that has a formula (or those named) by the default method. `progress` is told which of how many, too.
 
     Raises InputError when none can be fitted.
     """
     found: dict[str, Identification] = {}
     failed: dict[str, InputError] = {}
-    for name in names or compared_laws():
+    names = names or compared_laws()
+    for number, name in enumerate(names, 1):
         if cancel() and found:
             break
+        shown = partial(progress, f"law {number} of {len(names)} ({name})")
         try:
-            found[name] = identify(data, axis, "default", name, seed, progress, cancel, options)
+            found[name] = identify(data, axis, "default", name, seed, shown, cancel, options)
         except InputError as error:
             failed[name] = error
     if failed and not found:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tcs_friction.identify.determined import Verdicts
+from tcs_friction.identify.determined import LARGEST_RELATIVE, Verdicts
 from tcs_friction.identify.prediction import NUISANCES, Predictor
 from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
@@ -28,7 +28,8 @@ IDENTIFIED, BELIEVED = "identified", "believed"  # models in friction against sp
 class Conclusions:
     """A fit of torques, judged, and that of predictions that sharpened it, if one could be made.
 
-    shift (p,): by how much the unknowns move behind another low pass; what no prediction corrects is that unsure.
+    shifts: by how much the unknowns (p,) move under other assumptions (low pass, timing, way to fit): they are that unsure, too.
+    minimum: whether the fit is at a minimum of the cost; elsewhere every standard deviation is NaN.
     """
 
     problem: Problem
@@ -36,7 +37,8 @@ class Conclusions:
     sharp: Sharpened | None
     loss: str
     uncertainty: str
-    shift: np.ndarray | None = None
+    shifts: tuple[np.ndarray, ...] = ()
+    minimum: bool = True
 
     @property
     def refined(self) -> Refined:
@@ -58,6 +60,8 @@ class Conclusions:
     @cached_property
     def covariance(self) -> np.ndarray:
         """(p, p) of the unknowns, with what they owe to undetermined ones."""
+        if not self.minimum:
+            return np.full(self.verdicts.owed.shape, np.nan)
         covariance = _covariance(self.refined, self.verdicts.space.free, self.uncertainty)
         if self.sharp is not None:
             own = _covariance(self.sharp.fit, self.sharp.space.free, self.uncertainty)[
@@ -65,7 +69,7 @@ class Conclusions:
             ]
             covariance[: len(own), : len(own)] = own
         covariance += self.verdicts.owed
-        return covariance if self.shift is None else covariance + np.outer(self.shift, self.shift)
+        return np.asarray(covariance + sum(np.outer(shift, shift) for shift in self.shifts))
 
     def estimate(self, k: int) -> Estimate:
         """Unknown k of the problem."""
@@ -90,7 +94,7 @@ class Conclusions:
             return {}
         space = space.holding(np.arange(len(space.free)) >= size)
         fitted = refit(part, self.refined.unknowns, space, self.loss, 20)
-        covariance = _covariance(fitted, space.free, self.uncertainty)
+        covariance = _covariance(fitted, space.free, self.uncertainty) if self.minimum else self.covariance
         chosen = replace(self.verdicts, refined=fitted)
         return {name: _estimate(part, chosen, covariance, k) for k, name in enumerate(part.names[:size])}
 
@@ -108,8 +112,7 @@ class Conclusions:
     def fit(self) -> Fit:
         """For pictures."""
         problem, refined = self.problem, self.refined
-        inertia, offset = refined.unknowns[problem.inertia_index], refined.unknowns[problem.offset_index]
-        rest = inertia * problem.acceleration + offset
+        rest = problem.beside(refined.unknowns)
         modelled = problem.target - problem.unexplained(refined)
         bounds = np.searchsorted(problem.thin.centres, problem.motion.bounds)
         return Fit(
@@ -130,20 +133,26 @@ class Conclusions:
             unknowns[:size] = [believed[name] for name in problem.names[:size]]
             models[BELIEVED] = problem.torque(unknowns) - (fit.modelled - fit.friction_modelled)
         std = linear_std(bins, refined.jacobian[:, :size], self.covariance[:size, :size])
-        return torque_by_speed(bins, fit.velocity, fit.friction_measured, models, {IDENTIFIED: std}, IDENTIFIED)
+        stds = {IDENTIFIED: std} if self.minimum else {}
+        return torque_by_speed(bins, fit.velocity, fit.friction_measured, models, stds, IDENTIFIED)
 
     def correlation(self) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names and correlations (p, p) of the free unknowns without initial bristle torques."""
-        index = [k for k in np.flatnonzero(self.verdicts.space.free) if k < self.problem.law_size + 2]
+        """Names and correlations (p, p) of the free unknowns without initial bristle torques; none away from a minimum."""
+        if not self.minimum:
+            return (), np.zeros((0, 0))
+        index = [k for k in np.flatnonzero(self.verdicts.space.free) if k < self.problem.states_index]
         names = tuple(self.problem.names[k] for k in index)
         return names, correlations(self.covariance[np.ix_(index, index)])
 
     def bounds(self) -> dict[str, float]:
-        """Cramer-Rao bounds for Gaussian errors with the residual's own autocovariance, or that of the errors of prediction."""
+        """Cramer-Rao bounds for Gaussian errors with the residual's own autocovariance, or that of the errors of prediction.
+
+        None away from a minimum, where the residual is more than errors.
+        """
         fit, space = self.end
         counted, index = fit.weights > 0.0, np.flatnonzero(space.free)
         residual = fit.residual[counted]
-        if not len(residual) or not residual.any():
+        if not self.minimum or not len(residual) or not residual.any():
             return {}
         centred = residual - residual.mean()
         lags = min(len(centred) // 4, BOUND_LAGS) if self.sharp is None else 1
@@ -153,7 +162,7 @@ class Conclusions:
         taper = 0.5 + 0.5 * np.cos(np.pi * np.arange(lags) / lags)
         covariance = cramer_rao(fit.jacobian[np.ix_(counted, index)], noise * taper)
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        kept, names = self.problem.law_size + 2, self.problem.names
+        kept, names = self.problem.states_index, self.problem.names
         return {names[k]: float(std) for k, std in zip(index, deviation, strict=True) if k < kept}
 
 
@@ -208,10 +217,13 @@ def _covariance(refined: Refined, free: np.ndarray, uncertainty: str) -> np.ndar
 
 def _unit(problem: Problem, k: int) -> str:
     declared = [p.unit for p in problem.axis.friction.term.parameters]
-    return problem.axis.unit([*declared, "kg m^2", "N m"][k])
+    return problem.axis.unit([*declared, "kg m^2", "N m", "s"][k])
 
 
 def _estimate(problem: Problem, verdicts: Verdicts, covariance: np.ndarray, k: int) -> Estimate:
+    """Unknown k with its standard error; a positive one that may as well be next to nothing, or twice itself, is undetermined."""
+    value, std = float(verdicts.refined.unknowns[k]), float(np.sqrt(max(covariance[k, k], 0.0)))
     reason = verdicts.reasons.get(k)
-    std = float(np.sqrt(max(covariance[k, k], 0.0)))
-    return Estimate(float(verdicts.refined.unknowns[k]), std, _unit(problem, k), reason is None, reason)
+    if reason is None and verdicts.space.logarithmic[k] and std > LARGEST_RELATIVE * abs(value):
+        reason = f"only to {100.0 * std / abs(value):.0f} %, with all that is not known beside it"
+    return Estimate(value, std, _unit(problem, k), reason is None, reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -9,9 +10,9 @@ from typing import Protocol
 import numpy as np
 from scipy.signal import butter, lfilter_zi
 
+from tcs_friction.conditioning.motion import FILTER_ORDER, Motion, coarse, unsure_start
 from tcs_friction.identify import kernels
 from tcs_friction.identify.models import LoadedModel, first_directions, general_model
-from tcs_friction.identify.motion import FILTER_ORDER, Motion, coarse, unsure_start
 from tcs_friction.identify.problem import Problem, thinning
 from tcs_friction.physics.terms import Parameter, Role
 
@@ -19,6 +20,7 @@ SEARCH_POINTS = 6000  # a global search looks at about so many
 SHAPE_POINTS = 1500  # one whose result is refined, at so many
 FASTEST_DROP = 1.5  # times the top speed: a Stribeck velocity above cannot be told from viscous friction
 OBSERVER_ORDER = 3  # of the filter Q
+FINEST = 1e-5  # of the travel: deflection of a bristle, unless the position's noise lets a finer one show
 FAR = 1e30  # travel that saturates any bristle
 
 
@@ -124,12 +126,16 @@ def _weights_at(problem: Problem, index: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes of things in the data, from which boxes follow: torque N m, velocity rad/s, slowest velocity, travel rad."""
+    """Sizes of things in the data, from which boxes follow.
+
+    torque: N m, velocity: rad/s, slow: rad/s, the slowest, travel: rad, least: rad of travel that stands out of the noise.
+    """
 
     torque: float
     velocity: float
     slow: float
     travel: float
+    least: float
 
 
 def scales(problem: Problem, inertia: float) -> Scales:
@@ -140,7 +146,9 @@ def scales(problem: Problem, inertia: float) -> Scales:
     torque = max(float(np.quantile(np.abs(friction), 0.99)), 1e-12)
     velocity = max(float(np.abs(motion.velocity).max()), 1e-12)
     travel = max(float(np.ptp(motion.position)), 1e-12)
-    return Scales(torque, velocity, max(motion.resolution, 1e-3 * velocity), travel)
+    noise = math.sqrt(motion.density * motion.bandwidth)
+    least = max(min(noise, FINEST * travel), 1e-9 * travel) if noise > 0.0 else FINEST * travel
+    return Scales(torque, velocity, max(motion.resolution, 1e-3 * velocity), travel, least)
 
 
 def law_box(parameters: tuple[Parameter, ...], size: Scales) -> Box:
@@ -161,8 +169,8 @@ def widest(parameters: tuple[Parameter, ...], size: Scales) -> Box:
     ranges: Mapping[str, tuple[float, float, bool]] = {
         "N m": (0.02 * size.torque, 5.0 * size.torque, True),
         "rad/s": (0.3 * size.slow, FASTEST_DROP * size.velocity, True),
-        "rad": (1e-6 * size.travel, 3.0 * size.travel, True),
-        "N m/rad": (0.1 * size.torque / size.travel, 1e5 * size.torque / size.travel, True),
+        "rad": (0.1 * size.least, 3.0 * size.travel, True),
+        "N m/rad": (0.1 * size.torque / size.travel, size.torque / size.least, True),
         "N m s/rad": (0.0, np.inf, False),
     }
     return _bounded(parameters, ranges)
@@ -197,7 +205,7 @@ class ShapeCost:
         self._target = self._points.target - known * self._points.acceleration - offset
         self._power = float(self._points.weight @ self._target**2)
         size = scales(problem, float(start[problem.inertia_index]))
-        lower = np.array([1e-5 * size.travel, 1.0, size.slow])
+        lower = np.array([size.least, 1.0, size.slow])
         upper = np.array([size.travel, 6.0, FASTEST_DROP * size.velocity])
         self.box = Box(("distance", "ratio", "stribeck_velocity"), lower, upper, np.full(3, True))
 

@@ -25,7 +25,7 @@ PRESLIDING = ("stiffness", "damping", "presliding_distance", "stiffness_1")
 class Verdicts:
     """refined: the final fit. space: what could not be determined is held. reasons: index of unknown -> why undetermined.
 
-    owed (p, p): covariance of what depends on values that were only held.
+    owed (p, p): covariance of what depends on values that were only held. beforehand: what the motion rules out without a fit.
     """
 
     refined: Refined
@@ -34,6 +34,7 @@ class Verdicts:
     evaluations: int
     notes: tuple[str, ...]
     owed: np.ndarray
+    beforehand: frozenset[int] = frozenset()
 
 
 def judge(
@@ -50,7 +51,8 @@ def judge(
 
     `polish` False leaves the numbers where the search put them and only judges. `unshown`: what the search found undetermined.
     """
-    reasons: dict[int, str] = _beforehand(problem, space) | dict(unshown)
+    beforehand = _beforehand(problem, space)
+    reasons: dict[int, str] = beforehand | dict(unshown)
     unknowns = with_sliding_states(problem, unknowns)
     evaluations = 0
     size = float(np.std(problem.target)) or 1.0
@@ -83,12 +85,14 @@ def judge(
     undetermined = np.isin(np.arange(len(unknowns)), list(reasons))
     reasons.update(_indebted(problem, refined, current.holding(undetermined), debt, size))
     evaluations += more_evaluations
-    return Verdicts(refined, current, reasons, evaluations, _notes(problem, reasons), debt.covariance)
+    return Verdicts(
+        refined, current, reasons, evaluations, _notes(problem, reasons), debt.covariance, frozenset(beforehand) | set(unshown)
+    )
 
 
 def _states_only(problem: Problem, space: Space) -> Space:
     """Only the initial bristle torques, which no global search looks for, may move."""
-    return space.holding(np.arange(len(space.free)) < problem.law_size + 2)
+    return space.holding(np.arange(len(space.free)) < problem.states_index)
 
 
 def _beforehand(problem: Problem, space: Space) -> dict[int, str]:

@@ -1,8 +1,8 @@
 """The first axis file, from recordings alone: nothing is believed, everything is fitted or measured, and says where it is from.
 
-Torque is J a + friction + a constant, and gravity where a rotary axis shows it. Of a torque with the wrong sign the friction
-would give power to the motion; then the sign is turned over. Laws are compared on samples that no fit has seen; a law with fewer
-parameters is preferred while it errs no more.
+Torque is J a + friction + a constant, and what the position does where a recording shows it. A torque that takes energy out of
+the motion has the wrong sign; then it is turned over. Laws are compared roughly, on samples that no fit has seen; a law with
+fewer parameters is preferred while it errs no more, and that one is identified.
 """
 
 from __future__ import annotations
@@ -12,17 +12,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import sosfreqz
 
+from tcs_friction.conditioning.bands import step_of
+from tcs_friction.conditioning.motion import Motion, prepare, sections
+from tcs_friction.conditioning.sensor_noise import white_noise
 from tcs_friction.config import AxisFile, Control, default_control
 from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
-from tcs_friction.diagnose.dataset.bands import choose_cutoff, step_of
 from tcs_friction.errors import InputError
-from tcs_friction.identify.comparison import Comparison, compare_laws
-from tcs_friction.identify.identification import identified_axis
-from tcs_friction.identify.linear_balance import linear_balance
-from tcs_friction.identify.motion import Motion, prepare
+from tcs_friction.identify.controller_period import controller_period
+from tcs_friction.identify.drive_noise import DriveNoise, drive_noise
+from tcs_friction.identify.gravity import PositionTorque, position_torque
+from tcs_friction.identify.identification import identified_axis, identify
+from tcs_friction.identify.linear_balance import SIGNIFICANT
+from tcs_friction.identify.net_work import NetWork, Sign, net_work
+from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.pso_ga import Generation
-from tcs_friction.identify.result import Estimate, Identification
+from tcs_friction.identify.result import Identification
+from tcs_friction.identify.rough_comparison import RoughFit, compare_roughly
 from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import instance
@@ -32,25 +39,30 @@ from tcs_friction.recording.signals import SignalMap
 LAWS = ("coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre")
 """Tried in this order, from few parameters to many."""
 AS_GOOD = 0.02  # of the held-out residual: a law with more parameters has to err less by more
-LIKELY_TURNED = 3.0  # standard errors by which friction that drives the motion tells that the torque's sign is turned over
 HEADROOM = 1.2  # times the fastest motion recorded, that the controller may ask for
-LEAST_SWING = 0.5  # rad of travel, over which gravity is not a straight line
-CLEARLY = 10.0  # by which Bayes' information criterion has to be better: very strong evidence (Kass & Raftery 1995)
 BRISTLE = 1e-4  # of the travel, over which bristles bend where the law has none
 LEAST_SHARE = 1e-9  # of the largest torque: friction so small stands for none
-
-Path = tuple[str, ...]
-"""Keys down to a value in an axis file."""
 
 
 @dataclass(frozen=True)
 class FirstAxis:
-    """An axis file that nobody wrote, why each value is what it is (by its path), and what a person should look at."""
+    """An axis file that nobody wrote, and what it follows from.
+
+    work: what decided over the torque's sign. position: what the position does. rough: all laws, best first. left_out: law -> why
+    it could not be fitted. found: the chosen one. motion: that was looked at, turned over if need be. fresh: where the
+    control period is from. drive_noise: None where none is told. largest: torque seen, N m.
+    """
 
     file: AxisFile
-    reasons: Mapping[Path, str]
-    doubts: tuple[str, ...]
-    comparison: Comparison
+    work: NetWork
+    position: PositionTorque
+    rough: tuple[RoughFit, ...]
+    left_out: Mapping[str, str]
+    found: Identification
+    motion: Motion
+    fresh: str
+    drive_noise: DriveNoise | None
+    largest: float
 
 
 def first_axis(
@@ -58,9 +70,9 @@ def first_axis(
     name: str,
     kind: str,
     signals: SignalMap,
-    progress: Callable[[Generation], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> FirstAxis:
-    """Fit a first axis file to recordings, one data set with common physics.
+    """Fit a first axis file to recordings, one data set with common physics. `progress` is told what is being done.
 
     Raises InputError when the axis never moves, or no torque is ever applied.
     """
@@ -70,74 +82,117 @@ def first_axis(
     largest = max(float(np.abs(one.torque).max()) for one in recordings)
     if not largest > 0.0:
         raise InputError(recordings[0].source, "no torque is ever applied", "a recording of a driven axis")
-    balance, spread, heavy = _balance(motion, kind)
-    turned = _turned(balance, spread)
-    if turned:
-        balance = -balance
-        recordings = [replace(one, torque=-one.torque) for one in recordings]
+    work = net_work(motion, kind)
+    if work.sign is Sign.TURNED:
+        recordings = [one.turned_over() for one in recordings]
+        motion = prepare(recordings)
         signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
-    guess = _axis(name, kind, balance, heavy, largest)
-    guess = replace(guess, torque_unit=same_torque_unit(recordings))
-    comparison = compare_laws(recordings, guess, progress=progress, names=LAWS)
-    found = _plainest(comparison)
-    noise, step = _encoder(recordings)
-    sensors, drive = Sensors(noise=noise, resolution=step), Drive(limit=largest)
-    axis = replace(identified_axis(guess, found), sensors=sensors, drive=drive)
-    fastest = float(np.abs(motion.velocity).max())
-    control = _cautious(axis, fastest, float(np.ptp(motion.position)))
-    return FirstAxis(
-        AxisFile(axis, signals, control),
-        _reasons(axis, found, comparison, recordings, fastest, turned),
-        _doubts(found, turned),
-        comparison,
-    )
+    position = position_torque(motion, kind, largest)
+    guess = replace(_guess(name, kind, position, motion, largest), torque_unit=same_torque_unit(recordings))
+    rough, left_out = compare_roughly(motion, guess, LAWS, lambda law: progress(_which(law)))
+    found, refused = _identified(recordings, guess, rough, progress)
+    axis = identified_axis(guess, _without_chance(found, largest))
+    period, fresh = controller_period(recordings)
+    sensors = _sensors(recordings)
+    noise = _drive_noise(found, motion, axis, period, sensors)
+    drive = Drive(limit=largest) if noise is None else Drive(largest, noise.rms, noise.bandwidth)
+    axis = replace(axis, sensors=sensors, drive=drive)
+    file = AxisFile(axis, signals, _cautious(axis, motion, period))
+    return FirstAxis(file, work, position, rough, {**left_out, **refused}, found, motion, fresh, noise, largest)
 
 
-def _axis(name: str, kind: str, balance: np.ndarray, gravity: bool, largest: float) -> Axis:
-    """What a search starts from: the values of `linear_balance`."""
-    coulomb = float(max(abs(balance[1]), LEAST_SHARE * largest))
-    friction = instance(law("coulomb_viscous"), {"coulomb": coulomb, "viscous": 0.0})
+def _which(name: str) -> str:
+    return f"law {LAWS.index(name) + 1} of {len(LAWS)} ({name})" if name in LAWS else name
+
+
+def _guess(name: str, kind: str, position: PositionTorque, motion: Motion, largest: float) -> Axis:
+    """What a search starts from: the balance's values. A spring rests in the middle of the travel."""
+    balance = position.balance.values
+    friction = instance(law("coulomb_viscous"), {"coulomb": float(max(abs(balance[1]), LEAST_SHARE * largest)), "viscous": 0.0})
     effects = []
-    if gravity:
-        sine, cosine = map(float, balance[-2:])
+    if position.gravity is not None:
+        sine, cosine = position.gravity
         effects.append(instance(effect("imbalance"), {"amplitude": math.hypot(sine, cosine), "phase": math.atan2(cosine, sine)}))
+    if position.spring is not None:
+        middle = 0.5 * float(motion.position.min() + motion.position.max())
+        effects.append(instance(effect("cable_wrap"), {"stiffness": position.spring, "neutral": middle}))
     return Axis(name, float(abs(balance[0])) or largest, friction, tuple(effects), kind)
 
 
-def _balance(motion: Motion, kind: str) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Values and standard errors of `linear_balance`, and whether gravity is in it.
+def _identified(
+    recordings: Sequence[Recording], guess: Axis, rough: Sequence[RoughFit], progress: Callable[[str], None]
+) -> tuple[Identification, dict[str, str]]:
+    """The chosen law, as `identify` finds it, and why others were refused.
 
-    It is where a rotary axis covers enough of a turn and gravity earns its two numbers.
+    It is the plainest that errs as little as the best but for AS_GOOD. Where the recording determines nothing of it, it is the
+    plainest that held-out samples like as much, of which something is determined.
     """
-    plain = linear_balance(motion)
-    if kind == "rotary" and np.ptp(motion.position) >= LEAST_SWING:
-        heavy = linear_balance(motion, gravity=True)
-        if heavy[2] < plain[2] - CLEARLY:
-            return *heavy[:2], True
-    return *plain[:2], False
+    plain = sorted(rough, key=lambda one: LAWS.index(one.law))
+    good = [one for one in plain if not one.held_out > (1.0 + AS_GOOD) * rough[0].held_out]
+    others = [one for one in plain if one.as_good(rough[0])] + list(rough)
+    first: Identification | None = None
+    refused: dict[str, str] = {}
+    for one in dict.fromkeys([*good, *others]):
+        if first is not None and not one.as_good(rough[0]):
+            break
+
+        def shown(generation: Generation, name: str = one.law) -> None:
+            progress(f"{_which(name)}: {100.0 * generation.share:.0f} %")
+
+        try:
+            found = identify(recordings, guess, "default", one.law, progress=shown)
+        except InputError as error:
+            refused[one.law], last = str(error), error
+            continue
+        if any(item.determined for item in found.parameters.values()):
+            return found, refused
+        first = first or found
+    if first is None:
+        raise last
+    return first, refused
 
 
-def _turned(balance: np.ndarray, spread: np.ndarray) -> bool:
-    """Whether inertia and friction both come out negative, or one clearly so while the other does not speak against it."""
-    scores = balance[:2] / np.maximum(spread[:2], 1e-300)
-    return bool(scores.min() < -LIKELY_TURNED and scores.max() < LIKELY_TURNED)
+def _without_chance(found: Identification, largest: float) -> Identification:
+    """Without a constant torque that may be chance, or that is larger than any recorded: it could only cancel something else."""
+    if SIGNIFICANT * found.offset.std < abs(found.offset.value) <= largest:
+        return found
+    return replace(found, offset=replace(found.offset, determined=False))
 
 
-def _plainest(comparison: Comparison) -> Identification:
-    """The first law in LAWS that errs as little on held-out samples as the best, but for AS_GOOD; the first if there are none."""
-    most = (1.0 + AS_GOOD) * comparison.rows[0].held_out
-    good = [row.law for row in comparison.rows if math.isnan(most) or row.held_out <= most]
-    return comparison.found[min(good, key=LAWS.index)]
-
-
-def _encoder(recordings: Sequence[Recording]) -> tuple[float, float]:
+def _sensors(recordings: Sequence[Recording]) -> Sensors:
     """Noise (rad rms) and step (rad) of the position, as far as they show."""
-    noises = [choose_cutoff(one.position, float(np.median(np.diff(one.t))))[1] for one in recordings]
-    return float(np.median(noises)), float(max(step_of(one.position) for one in recordings))
+    step = max(step_of(one.position) for one in recordings)
+    noises = [white_noise(one.t, one.position, step) for one in recordings]
+    return Sensors(noise=float(np.median(noises)), resolution=float(step))
 
 
-def _cautious(axis: Axis, fastest: float, travel: float) -> Control:
-    control = default_control(axis)
+def _drive_noise(found: Identification, motion: Motion, axis: Axis, period: float, sensors: Sensors) -> DriveNoise | None:
+    """Of what the fit leaves, where that is the axis' motion."""
+    problem = pose(axis, motion, predicted=False)
+    rate = problem.motion.rate / problem.thin.stride
+    series = np.split(found.fit.residual, found.fit.bounds[1:-1])
+    position_noise = math.hypot(sensors.noise, sensors.resolution / math.sqrt(12.0))
+    return drive_noise(series, rate, period, position_noise, axis.inertia, _passed(problem))
+
+
+def _passed(problem: Problem) -> Callable[[np.ndarray], np.ndarray]:
+    """What the low pass, run forwards and backwards, and the thinning leave of the power at frequencies (m,), Hz."""
+    rate, taps = problem.motion.rate, problem.thin.taps
+    half = np.arange(len(taps)) - len(taps) // 2
+    passed = sections(problem.motion.bandwidth, rate)
+
+    def share(frequency: np.ndarray) -> np.ndarray:
+        _, gain = sosfreqz(passed, frequency, fs=rate)
+        thinned = np.cos(2.0 * np.pi * np.outer(frequency / rate, half)) @ taps
+        return np.asarray(np.abs(gain) ** 4 * thinned**2)
+
+    return share
+
+
+def _cautious(axis: Axis, motion: Motion, period: float) -> Control:
+    """A controller for that period, and the friction as a compensator has it."""
+    control = default_control(axis, period)
+    fastest, travel = float(np.abs(motion.velocity).max()), float(np.ptp(motion.position))
     values = axis.friction.values
     coulomb = values["coulomb"]
     stiffness = values.get("stiffness", coulomb / (BRISTLE * travel))
@@ -154,52 +209,3 @@ def _cautious(axis: Axis, fastest: float, travel: float) -> Control:
         controller=replace(control.controller, velocity_limit=HEADROOM * fastest),
         compensator=CompensatorConfig(friction, friction),
     )
-
-
-def _reasons(
-    axis: Axis, found: Identification, comparison: Comparison, recordings: Sequence[Recording], fastest: float, turned: bool
-) -> dict[Path, str]:
-    rows = ", ".join(
-        [*(f"{row.law} {row.held_out:.3g}" for row in comparison.rows), *(f"{law} not fitted" for law in comparison.left_out)]
-    )
-    unit, length = axis.unit("N m"), axis.unit("rad")
-    reasons: dict[Path, str] = {
-        ("axis", "kind"): "",
-        ("axis", "inertia"): _estimated(found.inertia),
-        ("axis", "friction", "law"): f"held-out residual of each: {rows} {unit}",
-        ("axis", "sensors", "noise"): f"{length} rms, from the position's spectrum where nothing moves",
-        ("axis", "sensors", "resolution"): f"{length}, of which all positions are multiples",
-        ("axis", "drive", "limit"): f"{unit}, the largest recorded: whether it can do more is not known",
-        ("control", "controller", "velocity_limit"): f"{length}/s, {HEADROOM:g} times the fastest recorded ({fastest:.3g})",
-        ("control", "controller", "torque_limit"): f"{unit}, as the drive's",
-        ("control", "controller", "position_proportional"): "1/s, cautious: the position loop crosses over at 3 Hz",
-        ("control", "controller", "velocity_proportional"): "60 times the inertia: the speed loop crosses over at 10 Hz",
-        ("control", "controller", "velocity_integral"): "1000 times the inertia",
-        ("control", "controller", "inertia_feedforward"): "the inertia above",
-        ("control", "compensator"): "the friction above, as LuGre's; `./tcs identify --law lugre` fits it",
-        ("signals", "torque", "scale"): "turned over: friction would drive the motion otherwise" if turned else "",
-    }
-    for name, estimate in found.parameters.items():
-        reasons["axis", "friction", name] = _estimated(estimate)
-    seconds = sum(one.duration for one in recordings)
-    reasons["axis",] = f"from {seconds:.4g} s in {', '.join(one.source for one in recordings)}"
-    return {path: text for path, text in reasons.items() if text}
-
-
-def _estimated(estimate: Estimate) -> str:
-    if not estimate.determined:
-        return f"{estimate.unit}, not determined: {estimate.reason}".lstrip(", ")
-    spread = f"± {estimate.std:.2g} " if math.isfinite(estimate.std) else ""
-    return f"{spread}{estimate.unit}".strip()
-
-
-def _doubts(found: Identification, turned: bool) -> tuple[str, ...]:
-    lines = []
-    if not found.inertia.determined:
-        lines.append("the inertia, and with it the controller's gains, is not determined: record quicker motion first")
-    lacking = [name for name, one in found.parameters.items() if not one.determined]
-    if lacking:
-        lines.append(f"not determined by this motion: {', '.join(lacking)} of {found.law}")
-    if turned:
-        lines.append("the recorded torque was turned over, since friction and inertia came out negative")
-    return tuple(lines)

@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import njit, prange
 
-from tcs_friction.identify.prediction_kernel import SLOW, held
+from tcs_friction.identify.prediction_kernel import SLOW
 
 STEEPEST = 0.5  # 1/steps: friction that slows the axis faster is not resolved
 
@@ -20,38 +20,39 @@ STEEPEST = 0.5  # 1/steps: friction that slows the axis faster is not resolved
 @njit(cache=True, error_model="numpy", parallel=True, nogil=True)
 def predict(
     position: Any,
-    torque: Any,
-    impulse: Any,
+    bounds: Any,
+    steps: Any,
+    pushes: Any,
+    moves: Any,
+    row: Any,
     friction: Any,
     law: Any,
     velocity: Any,
     slope: Any,
-    bounds: Any,
-    dt: float,
     candidates: Any,
     errors: Any,
     variances: Any,
 ) -> None:
     """One-step errors of prediction and their variances for each candidate.
 
-    position (n,) rad, torque (n,) N m as logged, impulse (n,) N m s its integral up to each sample, friction (l, n) N m at each
-    sample for several laws, law (m,) which of them a candidate has, velocity (n,) rad/s that the friction was computed with,
-    slope (n,) N m s/rad of friction by velocity, bounds (s + 1,) of the stretches, dt s, candidates (m, 7): inertia, offset N m,
-    delay s, rate 1/s and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms).
+    position (n,) rad, bounds (s + 1,) of the stretches, steps (n,) s from each sample to the next, pushes (l, n) mean torque N m
+    over each, by several timings, moves (l, n) the constant torque that moves as far, row (m,) which of them a candidate has,
+    friction (l, n) N m at each sample for several laws, law (m,) which of them a candidate has, velocity (n,) rad/s that the
+    friction was computed with, slope (n,) N m s/rad of friction by velocity, candidates (m, 6): inertia, offset N m, rate 1/s
+    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms).
     Out (m, n): errors in rad, variances in rad^2.
     """
     for m in prange(len(candidates)):
-        inertia, offset, delay, rate, size, encoder, drift = candidates[m]
-        keep, stay, late = math.exp(-rate * dt), math.exp(-SLOW * dt), delay / dt
-        noise, power, wander = encoder * encoder, size * size * (1.0 - keep * keep), drift * drift
-        middle, half = 0.5 * (1.0 + keep), 0.5 * dt * dt
-        pull = friction[law[m]]
+        inertia, offset, rate, size, encoder, drift = candidates[m]
+        noise, wander = encoder * encoder, drift * drift
+        pull, driven, moved = friction[law[m]], pushes[row[m]], moves[row[m]]
+        keep, stay, last_dt = 1.0, 1.0, 0.0
         for part in range(len(bounds) - 1):
             first, last = bounds[part], bounds[part + 1]
+            dt = steps[first]
             x, v, w, d = position[first], (position[first + 1] - position[first]) / dt, 0.0, 0.0
             xx, xv, xw, xd, vw, vd, wd = noise, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             vv, ww, dd = 2.0 * noise / (dt * dt) + v * v, size * size, wander
-            passed = held(impulse, torque, first - late, first, dt)
             for i in range(first, last):
                 variance, error = xx + noise, position[i] - x
                 errors[m, i], variances[m, i] = error, variance
@@ -61,14 +62,18 @@ def predict(
                 ww, wd, dd = ww - gw * xw, wd - gw * xd, dd - gd * xd
                 xx, xv, xw, xd = xx - gx * xx, xv - gx * xv, xw - gx * xw, xd - gx * xd
 
-                until, after = held(impulse, torque, i + 1.0 - late, first, dt), min(i + 1, last - 1)
-                push = ((until - passed) / dt - offset - 0.5 * (pull[i] + pull[after])) / inertia
-                passed = until
+                dt, after = steps[i], min(i + 1, last - 1)
+                if dt != last_dt:
+                    keep, stay, last_dt = math.exp(-rate * dt), math.exp(-SLOW * dt), dt
+                power = size * size * (1.0 - keep * keep)
+                middle, half = 0.5 * (1.0 + keep), 0.5 * dt * dt
+                push = (driven[i] - offset - 0.5 * (pull[i] + pull[after])) / inertia
+                lift = half * (moved[i] - driven[i]) / inertia
                 drag = min(max(0.5 * (slope[i] + slope[after]) / inertia, -STEEPEST / dt), STEEPEST / dt)
                 push += drag * 0.5 * (velocity[i] + velocity[after]) + d
                 a = push - drag * v + w
                 a = push - drag * (v + 0.5 * dt * a) + middle * w
-                x, v, w, d = x + dt * v + half * a, v + dt * a, keep * w, stay * d
+                x, v, w, d = x + dt * v + half * a + lift, v + dt * a, keep * w, stay * d
 
                 along = 1.0 - 0.5 * dt * drag
                 x1, v1, v2, v3 = dt * along, 1.0 - dt * drag * along, dt * along * middle, dt * along

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tcs_friction.conditioning.motion import Data, Motion, Timing, prepare, resmoothed, timed
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
-from tcs_friction.identify.determined import Verdicts, judge
+from tcs_friction.identify.determined import LARGEST_RELATIVE, Verdicts, judge
 from tcs_friction.identify.extended_law import search_extended
 from tcs_friction.identify.linear_balance import likely_inertia
+from tcs_friction.identify.minimum import End, end_of_search
 from tcs_friction.identify.models import AnyModel
-from tcs_friction.identify.motion import Data, prepare
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.refine import Refined, Space
-from tcs_friction.identify.result import Identification
-from tcs_friction.identify.sharpen import Sharpened, sharpen
+from tcs_friction.identify.result import Identification, TorqueTiming
+from tcs_friction.identify.sharpen import SOUND, Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
-from tcs_friction.identify.uncertainty import noise_floor
+from tcs_friction.identify.timing import likely_timing
+from tcs_friction.identify.uncertainty import noise_floor, sandwich
+from tcs_friction.identify.words import rising
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
@@ -36,6 +40,7 @@ from tcs_friction.recording.recording import Recording
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
+COLOURED = "errors of prediction are not white: the model lacks something, and its numbers stand for that, too"
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinion; steps of its fit
 SAME_VALLEY = 1.01  # times the least cost: another search that ends so near has found the same
@@ -54,7 +59,7 @@ class IdentifyOptions:
     hold_inertia: keep the axis file's. offset: allow a constant torque. loss: `squares` or `huber` (outliers count less).
     bandwidth: Hz of the low pass; None: from the position's noise. swarm: settings of the population methods;
     box: where they search. uncertainty: `sandwich`, or `bootstrap` of blocks of the residual. profile: add the profile
-    likelihood of each parameter.
+    likelihood of each parameter. refine: a population method goes on as the default method does after its swarm.
     """
 
     hold_inertia: bool = False
@@ -65,6 +70,7 @@ class IdentifyOptions:
     box: Box | None = None
     uncertainty: str = "sandwich"
     profile: bool = False
+    refine: bool = False
 
     def __post_init__(self) -> None:
         if self.loss not in ("squares", "huber"):
@@ -92,7 +98,8 @@ def identify(
     data: recordings, or friction series of an observer (then there is no inertia to find), one data set with common physics.
     axis: what is believed; its effects and known delay are taken into account, its values start the search.
     method: `default` (swarm over the shape, linear part solved for, Levenberg-Marquardt), `pso-ga`, `pso`, `ga`
-        (the search alone), `paper` (pso-ga with the paper's settings).
+        (the search alone), `paper` (pso-ga with the paper's settings). A search alone has intervals only where it ended at a
+        minimum (`minimum.py`).
     law: name of the law to fit; None: the axis' own.
     seed: same data, seed and settings: same result.
     progress, cancel: called once a generation.
@@ -105,7 +112,8 @@ def identify(
         raise InputError("identification: method", repr(method), nearest(method, list(METHODS)))
     believed = axis.friction.values if law in (None, axis.friction.term.id) else {}
     axis = replace(axis, friction=_law_instance(axis, law))
-    motion = prepare(data, options.bandwidth, despike=options.loss == "huber")
+    known = _known_timing(data)
+    motion = prepare(data, options.bandwidth, options.loss == "huber", known)
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError("identification", "the axis never moves", "a recording of motion")
     for one in data:
@@ -114,58 +122,146 @@ def identify(
     free_inertia = not options.hold_inertia and not motion.measured
     if free_inertia:
         axis = replace(axis, inertia=likely_inertia(axis.inertia, motion))
+    free_timing = known is None and not motion.measured
+    mended = mendings([one for one in data if isinstance(one, Recording)])
+    task = _Task(axis, method, law, seed, options, believed, free_inertia, free_timing, mended, progress, cancel)
+    found = _attempt(task, motion)
+    for timing in _other_timings(task, motion, found):
+        if not cancel():
+            found = _likelier(found, _attempt(task, timed(motion, timing)))
+    return _concluded(task, found, began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is asked for, whatever the timing of the torque. mended: in the recordings, on reading them."""
+
+    axis: Axis
+    method: str
+    law: str | None
+    seed: int
+    options: IdentifyOptions
+    believed: Mapping[str, float]
+    free_inertia: bool
+    free_timing: bool
+    mended: tuple[str, ...]
+    progress: Callable[[Generation], None]
+    cancel: Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What came of it with one timing: the search, the judged fit of torques, that of predictions, and what is unsure beside."""
+
+    problem: Problem
+    search: pso_ga.SearchResult
+    verdicts: Verdicts
+    sharp: Sharpened | None
+    polished: bool
+    shifts: tuple[np.ndarray, ...]
+    end: End
+
+
+def _other_timings(task: _Task, motion: Motion, found: _Found) -> list[Timing]:
+    """Timings to begin again from: that which predictions found, if the fit of torques began far off; else the likely one.
+
+    A fit of torques with a wrong timing may end in another valley, from which predictions do not come back.
+    """
+    if not task.free_timing or task.method != "default":
+        return []
+    period = motion.grids[0].logged.period
+    if found.sharp is not None and found.sharp.sound:
+        late = float(found.verdicts.refined.unknowns[found.problem.lateness_index])
+        return [replace(motion.timing, acts=motion.timing.acts + late)] if abs(late) > 0.75 * period else []
+    likely = likely_timing(motion)
+    return [likely] if abs(likely.acts - motion.timing.acts) > period else []
+
+
+def _attempt(task: _Task, motion: Motion) -> _Found:
+    """Search, refine and judge with the timing that a motion has."""
+    axis, method, options, seed, cancel = task.axis, task.method, task.options, task.seed, task.cancel
+    free_inertia, free_offset, loss = task.free_inertia, options.offset, options.loss
     problem = pose(axis, motion)
-    free_offset = options.offset
-    space = space_of(problem, free_inertia, free_offset)
+    space = space_of(problem, free_inertia, free_offset, task.free_timing)
+    in_time = space.holding(np.arange(len(space.free)) == problem.lateness_index)
     unshown: Mapping[int, str] = {}
     if axis.friction.term.extends and method == "default":
         simpler = pose(replace(axis, friction=_law_instance(axis, axis.friction.term.extends)), motion)
         shapes = ShapeCost(simpler, free_inertia, free_offset, believed_start(simpler))
         found, unknowns, unshown = search_extended(
-            shapes, simpler, problem, space, seed, QUICK, options.loss, progress, cancel
+            shapes, simpler, problem, in_time, seed, QUICK, loss, task.progress, cancel
         )
     else:
         cost = _cost(problem, method, free_inertia, free_offset, believed_start(problem), options)
-        found, unknowns = _search(cost, problem, space, method, seed, options, progress, cancel)
+        found, unknowns = _search(cost, problem, in_time, method, seed, options, task.progress, cancel)
     problem = settled(problem, unknowns)
-    polish = method == "default" and found.outcome is not Outcome.CANCELLED
-    verdicts = judge(problem, unknowns, space, believed, options.loss, polish, unshown, cancel)
-    sharp = None
-    if polish:
-        verdicts, sharp = _sharpened(problem, verdicts, options.loss, cancel)
-    refined = verdicts.refined
-    shift = None
-    if polish and sharp is None and motion.bandwidth > 0.0 and isinstance(problem.model, AnyModel):
-        wider = prepare(data, WIDER * motion.bandwidth, despike=options.loss == "huber")
-        shift = _shifted(pose(axis, wider), verdicts, options.loss)
-    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, shift)
+    polish = (method == "default" or options.refine) and found.outcome is not Outcome.CANCELLED
+    verdicts = judge(problem, unknowns, in_time, task.believed, loss, polish, unshown, cancel)
+    if not polish:
+        end = end_of_search(problem, verdicts.refined, in_time, loss, found.outcome)
+        return _Found(problem, found, verdicts, None, False, () if end.way is None else (end.way,), end)
+    torques = verdicts
+    verdicts, sharp = _sharpened(problem, verdicts, space, loss, cancel)
+    shifts = []
+    if sharp is not None and not sharp.sound:
+        shifts.append(verdicts.refined.unknowns - torques.refined.unknowns)
+    if sharp is None and motion.bandwidth > 0.0:
+        if isinstance(problem.model, AnyModel):
+            shifts.append(_shifted(pose(axis, resmoothed(motion, WIDER * motion.bandwidth)), verdicts, loss))
+        if task.free_timing:
+            unsure = motion.grids[0].logged.period / math.sqrt(12.0)  # of what may be anywhere within a period
+            later = timed(motion, replace(motion.timing, acts=motion.timing.acts + unsure))
+            shifts.append(_shifted(pose(axis, later), verdicts, loss))
+    end = End(True, verdicts.refined.outcome, None)
+    return _Found(problem, found, verdicts, sharp, True, tuple(shifts), end)
+
+
+def _likelier(one: _Found, other: _Found) -> _Found:
+    """Of two timings the one whose predictions are likelier; without such, that leaves less torque."""
+    if one.sharp is not None and other.sharp is not None:
+        return one if one.sharp.likelier_than(other.sharp) else other
+    return min(one, other, key=lambda found: found.verdicts.refined.cost)
+
+
+def _concluded(task: _Task, done: _Found, began: float) -> Identification:
+    """All that is said of it."""
+    problem, verdicts, sharp, found, end = done.problem, done.verdicts, done.sharp, done.search, done.end
+    refined, motion, options = verdicts.refined, problem.motion, task.options
+    concluded = Conclusions(problem, verdicts, sharp, options.loss, options.uncertainty, done.shifts, end.minimum)
+    parameters = concluded.parameters()
     return Identification(
-        law=axis.friction.term.id,
-        method=method,
-        parameters=concluded.parameters(),
+        law=task.axis.friction.term.id,
+        method=task.method,
+        parameters=parameters,
         inertia=concluded.estimate(problem.inertia_index),
         offset=concluded.estimate(problem.offset_index),
         directions=concluded.directions(),
-        rmse=concluded.errors(polish),
+        rmse=concluded.errors(done.polished),
         noise_floor=noise_floor(refined.residual),
         cost=refined.cost,
         evaluations=found.evaluations + verdicts.evaluations,
         seconds=time.perf_counter() - began,
-        outcome=refined.outcome if polish else found.outcome,
+        outcome=end.outcome,
         history=found.history,
+        evaluated=found.evaluated,
+        minimum=end.minimum,
         fit=concluded.fit(),
-        by_speed=concluded.by_speed(believed),
+        by_speed=concluded.by_speed(task.believed),
         correlation=concluded.correlation(),
         bound=concluded.bounds(),
-        seed=seed,
-        profiles=profiles(concluded, cancel) if options.profile and polish else {},
-        notes=(*_mended(data), *motion.notes, *verdicts.notes),
+        seed=task.seed,
+        profiles=profiles(concluded, task.cancel) if options.profile and done.polished else {},
+        notes=(*task.mended, *motion.notes, *verdicts.notes, *end.notes, *rising(task.axis, parameters)),
+        timing=None if motion.measured else _timing(concluded, task.free_timing),
+        noise=None if sharp is None else sharp.noise,
     )
 
 
-def _mended(data: Sequence[Data]) -> tuple[str, ...]:
-    """What was mended in the recordings on reading them."""
-    return mendings([one for one in data if isinstance(one, Recording)])
+def _known_timing(data: Sequence[Data]) -> Timing | None:
+    """The timing that all recordings state; None where one does not."""
+    stated = {item.acts for item in data if isinstance(item, Recording)}
+    acts = stated.pop() if len(stated) == 1 else None
+    return None if acts is None else Timing(acts)
 
 
 def _law_instance(axis: Axis, law: str | None) -> Instance:
@@ -237,37 +333,70 @@ def _for_dimensions(count: int) -> SwarmOptions:
 
 
 def _sharpened(
-    problem: Problem, verdicts: Verdicts, loss: str, cancel: Callable[[], bool]
+    problem: Problem, verdicts: Verdicts, space: Space, loss: str, cancel: Callable[[], bool]
 ) -> tuple[Verdicts, Sharpened | None]:
     """The fit of predictions, where it can be made and does not contradict that of torques."""
-    fine, size = problem.fine, problem.law_size + 2
+    fine, size = problem.fine, problem.states_index
     unknowns, counted = verdicts.refined.unknowns.copy(), verdicts.refined.weights > 0.0
     before = rms(verdicts.refined.residual[counted])
     if fine is None or before < NOISELESS * float(np.std(problem.target)):
         return verdicts, None
-    sharp = sharpen(fine, unknowns[:size], verdicts.space.first(size), before, loss, cancel)
+    space, reasons = _all_that_may(verdicts, space), verdicts.reasons
+    sharp = sharpen(fine, unknowns[:size], space.first(size), before, loss, cancel)
+    if sharp is not None:
+        reasons = _told_by(sharp, verdicts, problem)
+        held = np.isin(np.arange(len(unknowns)), list(reasons))
+        if (space.free & held).any():
+            space = space.holding(held)
+            begin = np.where(held[:size], unknowns[:size], sharp.unknowns[:size])
+            sharp = sharpen(fine, begin, space.first(size), before, loss, cancel)
     if sharp is None:
         return verdicts, None
     unknowns[:size] = sharp.unknowns[:size]
-    torque, jacobian = problem.linearised(unknowns)
-    residual = problem.target - torque
-    if not (rms(residual[counted]) < WORSE * before and sharp.sound):
+    refined = refit(problem, unknowns, space.holding(np.arange(len(unknowns)) < size), loss, VALLEY_STEPS)
+    residual = refined.residual
+    left = rms(residual[counted])
+    as_claimed = left < SOUND[1] * max(sharp.torque_left(problem.motion.bandwidth), before)
+    if not (left < WORSE * before or (sharp.sound and as_claimed)):
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
-    cost = 0.5 * float(verdicts.refined.weights @ residual**2)
-    refined = replace(verdicts.refined, unknowns=unknowns, residual=residual, jacobian=jacobian, cost=cost)
-    notes = (
-        *verdicts.notes,
-        f"torque acts {1e3 * sharp.delay:.3g} ms after its stamp, as the predictions have it",
-    )
+    notes = verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED)
     evaluations = verdicts.evaluations + sharp.evaluations
-    return replace(verdicts, refined=refined, evaluations=evaluations, notes=notes), sharp
+    return replace(verdicts, refined=refined, space=space, reasons=reasons, evaluations=evaluations, notes=notes), sharp
+
+
+def _all_that_may(verdicts: Verdicts, space: Space) -> Space:
+    """What predictions may move: all but what the motion rules out without a fit."""
+    return space.holding(np.isin(np.arange(len(space.free)), list(verdicts.beforehand)))
+
+
+def _told_by(sharp: Sharpened, verdicts: Verdicts, problem: Problem) -> dict[int, str]:
+    """Why unknowns are undetermined, by the predictions: those for which they know no better than torques."""
+    index = np.flatnonzero(sharp.space.free)
+    spread = np.zeros(len(sharp.unknowns))
+    covariance = sandwich(sharp.fit.jacobian[:, index], sharp.fit.residual, sharp.fit.weights)
+    spread[index] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    value, space = np.abs(sharp.unknowns), sharp.space
+    inside = (value > space.lower * 1.001) & (value < space.upper / 1.001)
+    known = (spread < LARGEST_RELATIVE * value) & (spread > 0.0) & inside
+    return {k: why for k, why in verdicts.reasons.items() if k in verdicts.beforehand or k > problem.offset_index or not known[k]}
+
+
+def _timing(concluded: Conclusions, free: bool) -> TorqueTiming:
+    """When the torque acts: the timing of the motion and the lateness that was found on top."""
+    problem, sharp = concluded.problem, concluded.sharp
+    timing, late = problem.motion.timing, concluded.estimate(problem.lateness_index)
+    reason = None if sharp is not None else "within a period, as usual: only predictions tell" if free else "as stated"
+    reason = reason if free else "as stated"
+    acts = replace(late, value=timing.acts + late.value, determined=reason is None, reason=reason)
+    between = timing.between if sharp is None else sharp.aim.fine.between
+    return TorqueTiming(acts, problem.axis.actuation_delay, between.value)
 
 
 def _shifted(wider: Problem, verdicts: Verdicts, loss: str) -> np.ndarray:
     """(p,) By how much the unknowns move when the low pass lets more through: smoothing moves reversals, noise bends them."""
     unknowns, space = verdicts.refined.unknowns, verdicts.space
     refined = refit(
-        wider, unknowns, space.holding(np.arange(len(unknowns)) > wider.offset_index), loss, SHIFT_STEPS
+        wider, unknowns, space.holding(np.arange(len(unknowns)) >= wider.states_index), loss, SHIFT_STEPS
     )
     return np.where(np.isfinite(refined.unknowns), refined.unknowns - unknowns, 0.0)
 
@@ -279,10 +408,19 @@ def identified_axis(axis: Axis, found: Identification) -> Axis:
     """
     friction = instance(law_named(found.law), found.friction())
     inertia = found.inertia.value if found.inertia.determined else axis.inertia
-    result = replace(axis, friction=friction, inertia=inertia)
+    result = _with_noise(replace(axis, friction=friction, inertia=inertia), found)
     if not found.offset.determined:
         return result
     others = tuple(item for item in axis.effects if not item.term.offset)
     known = sum(item.values[item.term.offset] for item in axis.effects if item.term.offset)
     bias = instance(offset(), {offset().offset: known + found.offset.value})
     return replace(result, effects=(*others, bias))
+
+
+def _with_noise(axis: Axis, found: Identification) -> Axis:
+    """The axis with the noise that was found of its drive, and of an encoder of which nothing is believed."""
+    if found.noise is None:
+        return axis
+    drive = replace(axis.drive, noise=found.noise.drive, noise_bandwidth=found.noise.bandwidth)
+    silent = not axis.sensors.noise and not axis.sensors.resolution
+    return replace(axis, drive=drive, sensors=replace(axis.sensors, noise=found.noise.encoder) if silent else axis.sensors)

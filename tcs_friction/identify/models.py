@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from tcs_friction.conditioning.motion import Motion
 from tcs_friction.identify import kernels
-from tcs_friction.identify.motion import Motion
 from tcs_friction.physics import machine as compiled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Place, Role

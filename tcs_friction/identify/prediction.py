@@ -10,71 +10,27 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
 from tcs_friction.identify import forced_kernel
 from tcs_friction.identify import prediction_kernel as kernel
+from tcs_friction.identify.fine import LEAST_RUN, Fine
 from tcs_friction.identify.models import LuGreModel, Model
 from tcs_friction.identify.refine import Space
-from tcs_friction.numerics.runs import runs
 
-LEAST_RUN = 100  # samples that follow each other, to predict one from those before
-TUNING_SAMPLES = 40_000  # of the disturbance's spectrum before the fit
+TUNING_SAMPLES = 20_000  # of the disturbance's spectrum before the fit
 TUNING_ROUNDS = 16
-TUNING_SHIFT = 4e-3  # s
-NUISANCES = (
-    4  # unknowns beyond law, inertia and offset: delay, rate and size of the disturbance, size of the drift
-)
-REST = NUISANCES + 2
-STIFFEST = 0.5  # rad per sample: bristles that swing faster are not resolved
+TUNING_SHIFT = 2.0  # periods: between the two ends of one lies what is not known of a log
+NUISANCES = 3  # unknowns beyond law, inertia, offset and lateness: rate and size of the disturbance, size of the drift
+REST = NUISANCES + 3
+FORGOTTEN = 0.1  # standard deviations of a prediction, by which it may depend on what was before the recording
+FINEST = 0.1  # rad that bristles swing in a step: the midpoint rule then errs by 0.1^2/24 of their frequency
+MOST_SUBSTEPS, STIFFEST = 32, 0.5  # of a period; rad per step: bristles that swing faster are not resolved
 JUMP = 0.05  # of its range: friction that changes by more within a sample is not resolved
 AROUND = LEAST_RUN // 2  # samples on either side that are left out, too
 LARGEST, SMALLEST = 1e60, 1e-60
-LONGEST_DELAY = 0.05  # s
-
-
-@dataclass(frozen=True, eq=False)
-class Fine:
-    """What predictions are made from, at every sample: position rad and torque N m (n,), bounds (s + 1,), step s.
-
-    The torque is the one at the rotor less believed effects, without the believed delay (s); density: rad^2/Hz of the
-    encoder's noise. `model` walks through a motion that has these samples at `places` (n,) with `velocity` rad/s (n,),
-    `shaken` through the same with the velocity moved by `jitter` rad/s (n,), to and fro so that the way stays the same.
-    least: (k,) steps of the law's parameters that move the friction a little where these are zero.
-    """
-
-    position: np.ndarray
-    torque: np.ndarray
-    bounds: np.ndarray
-    dt: float
-    density: float
-    delay: float
-    model: Model
-    shaken: Model
-    places: np.ndarray
-    velocity: np.ndarray
-    jitter: np.ndarray
-    least: np.ndarray
-
-    def only(self, mask: np.ndarray) -> Fine | None:
-        """The same with those samples (n,) alone of which enough follow each other; None of none."""
-        found = [
-            np.arange(a + first, b + first)
-            for first, last in itertools.pairwise(self.bounds)
-            for a, b in runs(mask[first:last])
-            if b - a >= LEAST_RUN
-        ]
-        if not found:
-            return None
-        index = np.concatenate(found)
-        columns = {
-            name: getattr(self, name)[index]
-            for name in ("position", "torque", "places", "velocity", "jitter")
-        }
-        return replace(self, **columns, bounds=np.cumsum([0, *(len(part) for part in found)]))
 
 
 class Predictor(ABC):
@@ -82,42 +38,59 @@ class Predictor(ABC):
 
     STEP = 1e-3  # relative, of differences that stand for derivatives
 
-    def __init__(self, fine: Fine, space: Space) -> None:
-        self.fine, self._space = fine, space
-        start = fine.position[fine.bounds[:-1]]
-        lengths = np.diff(fine.bounds)
-        self._position = fine.position - np.repeat(start, lengths)
-        self._impulse = np.cumsum(fine.torque) * fine.dt
-        self._torque = np.ascontiguousarray(fine.torque)
-        least = 1e-9 * float(np.ptp(fine.position))
-        self.encoder = max(float(np.sqrt(0.5 * fine.density / fine.dt)), least)
-        self._size = float(np.std(fine.torque))
-        self._deviation = np.ones(len(fine.position))
-        self.target, self.weights = np.zeros(len(fine.position)), np.ones(len(fine.position))
+    def __init__(self, fine: Fine, space: Space, substeps: int) -> None:
+        self.fine, self.space = fine, space
+        samples = fine.samples
+        start = samples.position[samples.bounds[:-1]]
+        self._position = samples.position - np.repeat(start, np.diff(samples.bounds))
+        self._walk = fine.walked(substeps)
+        self._pushed: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        least = 1e-9 * float(np.ptp(samples.position))
+        self.encoder = max(float(np.sqrt(0.5 * fine.density / fine.period)), least)
+        self._deviation = np.ones(len(samples))
+        self.target, self.weights = np.zeros(len(samples)), np.ones(len(samples))
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self.evaluations = 0
 
+    def _pushes(self, lateness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pushes and moves (l, q) of the different latenesses among (m,), s, and which of them each has (m,)."""
+        different, row = np.unique(lateness, return_inverse=True)
+        known, self._pushed = self._pushed, {}
+        for value in different.tolist():
+            self._pushed[value] = known[value] if value in known else self.fine.pushed(self._walk, value)
+        pushes, moves = (np.array(rows) for rows in zip(*self._pushed.values(), strict=True))
+        return pushes, moves, row
+
     @abstractmethod
-    def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
-        """Fill errors and variances (2, m, n) for laws (m, k) and the rest (m, 7): inertia, offset, delay, rate and size of the
-        disturbance, encoder noise, size of the drift."""
+    def _filter(
+        self, laws: np.ndarray, rest: np.ndarray, lateness: np.ndarray, bounds: np.ndarray, out: np.ndarray
+    ) -> None:
+        """Fill errors and variances (2, m, n) for laws (m, k), the rest (m, 6) and lateness of the torque (m,) s.
+
+        The rest: inertia, offset, rate and size of the disturbance, encoder noise, size of the drift.
+        """
 
     @abstractmethod
     def resolved(self, unknowns: np.ndarray) -> np.ndarray:
         """(n,) Where the recording's steps are short against what the axis does; unknowns (k + 2,): law, inertia, offset."""
 
+    def finer(self, unknowns: np.ndarray) -> Predictor:  # noqa: ARG002
+        """The same with steps as fine as these unknowns (k + 6,) ask for; itself if they are."""
+        return self
+
     def predicted(
         self, unknowns: np.ndarray, encoder: np.ndarray | float, samples: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Errors and variances (m, n) of candidates (m, k + 6) with encoder noise (m,) rad rms; `samples`: of the first alone."""
-        rest, drift = unknowns[:, -REST:-1], unknowns[:, -1]
-        rest = np.column_stack([rest, np.broadcast_to(encoder, len(unknowns)), drift])
-        bounds = self.fine.bounds
+        inertia, offset, lateness, rate, size, drift = unknowns[:, -REST:].T
+        noise = np.broadcast_to(encoder, len(unknowns))
+        rest = np.column_stack([inertia, offset, rate, size, noise, drift])
+        bounds = self.fine.samples.bounds
         if samples is not None and samples < bounds[-1]:
             bounds = np.array([*bounds[bounds < samples - 2], samples])
         self.evaluations += len(unknowns)
         out = np.empty((2, len(unknowns), int(bounds[-1])))
-        self._filter(unknowns[:, :-REST], rest, bounds, out)
+        self._filter(unknowns[:, :-REST], rest, lateness, bounds, out)
         errors, variances = _bounded(out)
         return errors, np.maximum(variances, SMALLEST)
 
@@ -131,42 +104,57 @@ class Predictor(ABC):
         return self.linearised(unknowns)[0]
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivatives (n, k + 6) by central differences, where unknowns are free."""
+        """The same, and its derivatives (n, k + 6) by differences, where unknowns are free.
+
+        Differences to one side: a candidate costs as much as the fit's own point, and a relative step of STEP bends nothing.
+        """
         if self._last is not None and (self._last[0] == unknowns).all():
             return self._last[1]
-        moved = np.flatnonzero(self._space.free)
-        step = np.diag(self._steps(unknowns))[moved]
-        high, low = (
-            np.clip(unknowns + side * step, self._space.lower, self._space.upper) for side in (1.0, -1.0)
-        )
-        errors = self.predicted(np.vstack([unknowns, high, low]), self.encoder)[0]
-        apart = (high - low)[np.arange(len(moved)), moved][:, None]
+        moved = np.flatnonzero(self.space.free)
+        step = self._steps(unknowns)[moved]
+        step = np.where(unknowns[moved] + step > self.space.upper[moved], -step, step)
+        candidates = np.tile(unknowns, (1 + len(moved), 1))
+        candidates[1 + np.arange(len(moved)), moved] += step
+        errors = self.predicted(candidates, self.encoder)[0]
         slopes = np.zeros((len(errors[0]), len(unknowns)))
-        slopes[:, moved] = (
-            (errors[1 + len(moved) :] - errors[1 : 1 + len(moved)]) / (apart * self._deviation)
-        ).T
-        self._last = unknowns.copy(), (-errors[0] / self._deviation, slopes)
+        slopes[:, moved] = ((errors[1:] - errors[0]) / (step[:, None] * self._deviation)).T
+        self._last = unknowns.copy(), (-errors[0] / self._deviation, -slopes)
         return self._last[1]
 
     def _steps(self, unknowns: np.ndarray) -> np.ndarray:
         step = self.STEP * np.abs(unknowns)
-        linear = ~self._space.logarithmic[:-REST]
+        linear = ~self.space.logarithmic[:-REST]
         step[:-REST][linear] = np.maximum(step[:-REST], self.fine.least)[linear]
-        step[1 - REST] = 1e-4 * self._size
-        step[-NUISANCES] = 0.02 * self.fine.dt
+        step[1 - REST] = 1e-4 * self.fine.size
+        step[2 - REST] = 0.02 * self.fine.period
         return step
 
-    def tune(self, unknowns: np.ndarray) -> np.ndarray:
-        """Encoder noise, rate and size of the disturbance, and size of the drift, stepping by factors, and the delay, by
-        maximum likelihood. The delay's has several maxima: a fit finds only the nearest."""
-        point, factor, shift, best = np.array([*unknowns, self.encoder]), 4.0, TUNING_SHIFT, np.inf
+    def likelihood(self, unknowns: np.ndarray, encoder: np.ndarray, samples: int | None = None) -> np.ndarray:
+        """(m,) minus its logarithm, of candidates (m, k + 6) with encoder noise (m,)."""
+        errors, variances = self.predicted(unknowns, encoder, samples)
+        weights = self.weights[: errors.shape[1]]
+        return 0.5 * np.asarray((errors**2 / variances + np.log(variances)) @ weights)
+
+    def scores(self, unknowns: np.ndarray) -> np.ndarray:
+        """(n,) minus the logarithm of each sample's likelihood; NaN of samples that are left out."""
+        errors, variances = self.predicted(unknowns[None], self.encoder)
+        return np.where(self.weights > 0.0, 0.5 * (errors[0] ** 2 / variances[0] + np.log(variances[0])), np.nan)
+
+    def tune(self, unknowns: np.ndarray, near: bool = False) -> np.ndarray:
+        """Encoder noise, rate and size of the disturbance, and size of the drift, stepping by factors, and the lateness, by
+        maximum likelihood. The lateness' has several maxima: a fit finds only the nearest. `near`: all have been tuned before."""
+        point, best = np.array([*unknowns, self.encoder]), np.inf
+        factor, shift = (1.5, 0.1 * self.fine.period) if near else (4.0, TUNING_SHIFT * self.fine.period)
+        self.weigh(unknowns)
+        late, moves = 2 - REST - 1, bool(self.space.free[2 - REST])
         for _ in range(TUNING_ROUNDS):
-            trials = np.tile(point, (11, 1))
+            trials = np.tile(point, (11 if moves else 9, 1))
             for k in range(8):
                 trials[1 + k, -1 - k // 2] *= factor if k % 2 else 1.0 / factor
-            trials[9:, -5] = np.clip(point[-5] + np.array([shift, -shift]), 0.0, LONGEST_DELAY)
-            errors, variances = self.predicted(trials[:, :-1], trials[:, -1], TUNING_SAMPLES)
-            costs = 0.5 * np.sum(errors**2 / variances + np.log(variances), axis=1)
+            if moves:
+                shifted = point[late] + np.array([shift, -shift])
+                trials[9:, late] = np.clip(shifted, self.space.lower[2 - REST], self.space.upper[2 - REST])
+            costs = self.likelihood(trials[:, :-1], trials[:, -1], TUNING_SAMPLES)
             least = int(np.nanargmin(costs)) if np.isfinite(costs).any() else 0
             if least == 0 or not costs[least] < best:
                 factor, shift = np.sqrt(factor), 0.5 * shift
@@ -182,22 +170,58 @@ def _bounded(values: np.ndarray) -> np.ndarray:
     return values
 
 
+def _steps_for(turn: float, finest: float) -> int:
+    """Into how many steps a period is divided in which bristles swing by `turn` rad."""
+    return int(np.clip(np.ceil(turn / finest), 1, MOST_SUBSTEPS))
+
+
 class LuGrePredictor(Predictor):
     """An axis with LuGre friction, whose bristle is predicted with its motion."""
 
-    def __init__(self, fine: Fine, model: LuGreModel, space: Space) -> None:
-        super().__init__(fine, space)
-        self._model = model
+    def __init__(self, fine: Fine, model: LuGreModel, space: Space, unknowns: np.ndarray, finest: float = FINEST) -> None:
+        self._model, self._unsure = model, 1.0
+        self._turn = self._fastest(unknowns) * fine.period
+        self._substeps = _steps_for(self._turn, finest)
+        super().__init__(fine, space, self._substeps)
 
-    def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
+    def finer(self, unknowns: np.ndarray) -> Predictor:
+        needed = _steps_for(self._fastest(unknowns[: -NUISANCES]) * self.fine.period, FINEST)
+        if needed <= self._substeps:
+            return self
+        other = LuGrePredictor(self.fine, self._model, self.space, unknowns[: -NUISANCES])
+        other.encoder = self.encoder
+        return other
+
+    def _fastest(self, unknowns: np.ndarray) -> float:
+        """rad/s, of the bristles' own swing or decay; unknowns (k + 3,): law, inertia, offset, lateness."""
+        values, inertia = self._model.as_lugre(unknowns[:-3]), unknowns[-3]
+        return float(max(np.sqrt(values[3] / inertia), (values[4] + values[5]) / inertia))
+
+    def _filter(
+        self, laws: np.ndarray, rest: np.ndarray, lateness: np.ndarray, bounds: np.ndarray, out: np.ndarray
+    ) -> None:
         candidates = np.column_stack([np.array([self._model.as_lugre(values) for values in laws]), rest])
-        kernel.predict(self._position, self._torque, self._impulse, bounds, self.fine.dt, candidates, *out)
+        pushes, moves, row = self._pushes(lateness)
+        candidates = np.column_stack([candidates, np.full(len(laws), self._unsure)])
+        walk = self._walk
+        kernel.predict(self._position, bounds, walk.firsts, walk.steps, pushes, moves, row, candidates, *out)
 
-    def resolved(self, unknowns: np.ndarray) -> np.ndarray:
+    def weigh(self, unknowns: np.ndarray) -> None:
+        """Leave out, too, what depends on how a bristle was bent before the recording: a filter of that would not be linear."""
+        super().weigh(unknowns)
+        bounds, part = self.fine.samples.bounds, np.zeros(len(self.target), dtype=bool)
+        self._unsure = 0.0
+        relaxed = self.predicted(unknowns[None], self.encoder)[0][0]
+        self._unsure = 1.0
+        apart = np.abs(self.predicted(unknowns[None], self.encoder)[0][0] - relaxed) > FORGOTTEN * self._deviation
+        for first, last in itertools.pairwise(bounds):
+            late = np.flatnonzero(apart[first : first + (last - first) // 5])
+            part[first : first + (late[-1] + 1 if len(late) else 0)] = True
+        self.weights = np.where(part, 0.0, 1.0)
+
+    def resolved(self, unknowns: np.ndarray) -> np.ndarray:  # noqa: ARG002
         """Everywhere if steps are short against the bristles' own swing and decay, else nowhere."""
-        values, inertia = self._model.as_lugre(unknowns[:-2]), unknowns[-2]
-        swing, decay = np.sqrt(values[3] / inertia), (values[4] + values[5]) / inertia
-        return np.full(len(self.target), max(swing, decay) * self.fine.dt < STIFFEST)
+        return np.full(len(self.target), self._turn < STIFFEST * MOST_SUBSTEPS)
 
 
 class ForcedPredictor(Predictor):
@@ -206,26 +230,37 @@ class ForcedPredictor(Predictor):
     STEP = 1e-5  # kinks of a law move by more than their standard errors in longer ones
 
     def __init__(self, fine: Fine, space: Space) -> None:
-        super().__init__(fine, space)
+        super().__init__(fine, space, substeps=0)
         self._rows: dict[bytes, np.ndarray] = {}
-        self.slope = np.zeros(len(fine.position))
+        self.slope = np.zeros(len(fine.samples))
+        self._velocity, self._jitter = fine.samples.at(fine.velocity), fine.jitter
 
-    def _filter(self, laws: np.ndarray, rest: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
+    def _filter(
+        self, laws: np.ndarray, rest: np.ndarray, lateness: np.ndarray, bounds: np.ndarray, out: np.ndarray
+    ) -> None:
         different, law = np.unique(laws, axis=0, return_inverse=True)
         known, self._rows = self._rows, {}
         for values in different:
             key = values.tobytes()
             self._rows[key] = known[key] if key in known else self._friction(self.fine.model, values)
+        pushes, moves, row = self._at_samples(lateness)
         forced_kernel.predict(
-            self._position, self._torque, self._impulse, np.array(list(self._rows.values())), law,
-            self.fine.velocity, self.slope, bounds, self.fine.dt, np.ascontiguousarray(rest), *out,
+            self._position, bounds, self.fine.samples.steps, pushes, moves, row, np.array(list(self._rows.values())),
+            law.ravel(), self._velocity, self.slope, np.ascontiguousarray(rest), *out,
         )  # fmt: skip
+
+    def _at_samples(self, lateness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The pushes over the step from each sample on; at the end of a run there is none."""
+        pushes, moves, row = self._pushes(lateness)
+        wide = np.zeros((2, len(pushes), len(self.target)))
+        wide[:, :, self._walk.counted] = pushes, moves
+        return wide[0], wide[1], row
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Take the slopes of the friction from these unknowns, too."""
         values = unknowns[:-REST]
-        moved = self._friction(self.fine.shaken, values) - self._friction(self.fine.model, values)
-        self.slope = moved / self.fine.jitter
+        moved = self.fine.shaken.torque(values, np.zeros(0)) - self.fine.model.torque(values, np.zeros(0))
+        self.slope = self.fine.samples.at(moved / self._jitter)
         super().weigh(unknowns)
 
     def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
@@ -236,10 +271,10 @@ class ForcedPredictor(Predictor):
 
     def resolved(self, unknowns: np.ndarray) -> np.ndarray:
         """Away from where friction jumps from sample to sample: what it does there depends on motion between them."""
-        friction = self._friction(self.fine.model, unknowns[:-2])
+        friction = self._friction(self.fine.model, unknowns[:-3])
         steps = np.abs(np.diff(friction, prepend=friction[0]))
-        steps[self.fine.bounds[1:-1]] = 0.0
+        steps[self.fine.samples.bounds[1:-1]] = 0.0
         return ~ndimage.binary_dilation(steps > JUMP * np.ptp(friction), iterations=AROUND)
 
     def _friction(self, model: Model, values: np.ndarray) -> np.ndarray:
-        return model.torque(values, np.zeros(0))[self.fine.places]
+        return self.fine.samples.at(model.torque(values, np.zeros(0)))

@@ -33,71 +33,70 @@ def bristle_rate(v: Any, z: Any, coulomb: Any, drop: Any, bell: Any, stiffness: 
     return v - pull * abs(v) * z, by_velocity, pull * abs(v)
 
 
-@njit(inline="always")
-def held(impulse: Any, torque: Any, at: Any, first: Any, dt: Any) -> Any:
-    """Integral (N m s) of the held torque up to sample `at`, a fraction; torque[k] acts from sample k - 1 to k.
-
-    Before the stretch's first sample the torque is taken to have been that of the first.
-    """
-    if at < first:
-        return impulse[first] + dt * (at - first) * torque[first]
-    inside = min(at, len(impulse) - 1.0)
-    before = min(int(inside), len(impulse) - 2)
-    return impulse[before] + dt * (inside - before) * torque[before + 1]
-
-
 @njit(cache=True, error_model="numpy", fastmath=FAST, parallel=True, nogil=True)
 def predict(
     position: Any,
-    torque: Any,
-    impulse: Any,
     bounds: Any,
-    dt: float,
+    firsts: Any,
+    steps: Any,
+    pushes: Any,
+    moves: Any,
+    row: Any,
     candidates: Any,
     errors: Any,
     variances: Any,
 ) -> None:
     """One-step errors of prediction and their variances for each candidate.
 
-    position (n,) rad, torque (n,) N m as logged, impulse (n,) N m s its integral up to each sample, bounds (s + 1,) of the
-    stretches, dt s, candidates (m, SIZE): LuGre's six as in `physics.friction.lugre`, inertia, offset N m, delay s, rate 1/s
-    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms).
-    Out (m, n): errors in rad, variances in rad^2.
+    position (n,) rad, bounds (s + 1,) of the stretches, steps (q,) s that are walked, from sample i on those from firsts[i] up to
+    firsts[i + 1] (n + 1,), pushes (l, q) mean torque N m over each, by several timings, moves (l, q) the constant torque that
+    moves as far, row (m,) which of them a candidate has, candidates (m, SIZE): LuGre's six as in `physics.friction.lugre`,
+    inertia, offset N m, rate 1/s and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift
+    (rad/s^2 rms), how unsure a bristle is at first (1; 0: it is relaxed). Out (m, n): errors in rad, variances in rad^2.
     """
     L = LANES
     count = candidates.shape[0]
     for block in prange((count + L - 1) // L):
-        c, s = np.empty((SIZE + 4, L)), np.zeros((ROWS, L))
-        push, passed = np.zeros(L), np.zeros(L)
+        c, s = np.empty((SIZE + 3, L)), np.zeros((ROWS, L))
+        push, lift = np.zeros(L), np.zeros(L)
         for j in range(L):
             p = candidates[min(block * L + j, count - 1)]
             for k in range(SIZE):
                 c[k, j] = p[k]
             c[1, j], c[2, j], c[6, j] = p[1] - p[0], -1.0 / (p[2] * p[2]), 1.0 / p[6]
-            c[8, j], c[9, j], c[11, j] = p[8] / dt, math.exp(-p[9] * dt), p[11] * p[11]
-            c[10, j] = p[10] * p[10] * (1.0 - c[9, j] * c[9, j])
-            c[13, j], c[14, j] = p[10] * p[10], (p[1] / p[3]) ** 2
-            c[12, j], c[15, j] = p[12] * p[12], math.exp(-SLOW * dt)
+            c[9, j], c[10, j], c[11, j] = p[9] * p[9], p[10] * p[10], p[11] * p[11]
+            c[12, j] = p[12] * (p[1] / p[3]) ** 2
         used = min(L, count - block * L)
+        last_dt = 0.0
         for part in range(len(bounds) - 1):
             first, last = bounds[part], bounds[part + 1]
+            apart = 0.0
+            for k in range(firsts[first], firsts[first + 1]):
+                apart += steps[k]
             for j in range(L):
                 for k in range(ROWS):
                     s[k, j] = 0.0
-                v, noise = (position[first + 1] - position[first]) / dt, c[11, j]
+                v, noise = (position[first + 1] - position[first]) / apart, c[10, j]
                 s[0, j], s[1, j], s[4, j] = position[first], v, noise
-                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (dt * dt) + v * v, c[14, j], c[13, j]
-                s[19, j] = c[12, j]
-                passed[j] = held(impulse, torque, first - c[8, j], first, dt)
+                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (apart * apart) + v * v, c[12, j], c[9, j]
+                s[19, j] = c[11, j]
             for i in range(first, last):
                 for j in range(used):
                     errors[block * L + j, i] = position[i] - s[0, j]
-                    variances[block * L + j, i] = s[4, j] + c[11, j]
-                for j in range(L):
-                    until = held(impulse, torque, i + 1.0 - c[8, j], first, dt)
-                    push[j], passed[j] = (until - passed[j]) / dt - c[7, j], until
+                    variances[block * L + j, i] = s[4, j] + c[10, j]
                 _update(s, c, position[i])
-                _advance(s, c, push, dt)
+                for k in range(firsts[i], firsts[i + 1]):
+                    dt = steps[k]
+                    if dt != last_dt:
+                        for j in range(L):
+                            c[13, j], c[15, j] = math.exp(-c[8, j] * dt), math.exp(-SLOW * dt)
+                            c[14, j] = c[9, j] * (1.0 - c[13, j] * c[13, j])
+                        last_dt = dt
+                    for j in range(L):
+                        r = row[min(block * L + j, count - 1)]
+                        push[j] = pushes[r, k] - c[7, j]
+                        lift[j] = moves[r, k] - pushes[r, k]
+                    _advance(s, c, push, lift, dt)
 
 
 @njit(inline="always")
@@ -105,7 +104,7 @@ def _update(s: Any, c: Any, measured: float) -> None:
     """Take a measured position (rad) into states and covariances of all lanes."""
     for j in range(LANES):
         xx, xv, xz, xw = s[4, j], s[5, j], s[6, j], s[7, j]
-        part = 1.0 / (xx + c[11, j])
+        part = 1.0 / (xx + c[10, j])
         error = measured - s[0, j]
         gx, gv, gz, gw = xx * part, xv * part, xz * part, xw * part
         s[0, j] += gx * error
@@ -130,8 +129,8 @@ def _update(s: Any, c: Any, measured: float) -> None:
 
 
 @njit(inline="always")
-def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
-    """One step of all lanes under the torque `push` (N m): x' = T x, P' = T P T^T + Q.
+def _advance(s: Any, c: Any, push: Any, lift: Any, dt: float) -> None:
+    """One step of all lanes under the torque `push` (N m), which moves as `push + lift` does: x' = T x, P' = T P T^T + Q.
 
     Rows: x v z w, xx xv xz xw vv vz vw zz zw ww, d, xd vd zd wd dd.
     """
@@ -139,7 +138,7 @@ def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
     for j in range(LANES):
         coulomb, drop, bell, stiffness, damping, viscous, lightness = (
             c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j], c[6, j])  # fmt: skip
-        keep, power = c[9, j], c[10, j]
+        keep, power = c[13, j], c[14, j]
         middle = 0.5 * (1.0 + keep)
         v, z, w, d, stay = s[1, j], s[2, j], s[3, j], s[14, j], c[15, j]
         flow, _, forget = bristle_rate(v, z, coulomb, drop, bell, stiffness)
@@ -151,7 +150,7 @@ def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
         moved, zv, z2 = share * dt * flow, share * dt * by_velocity, 1.0 - share * dt * forget
         zm, flow = z + 0.5 * moved, share * flow
         a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w + d
-        s[0, j] += dt * v + half * a
+        s[0, j] += dt * v + half * (a + lift[j] * lightness)
         s[1, j] = v + dt * a
         s[2, j] = z + moved
         s[3, j] = w * keep
@@ -186,4 +185,4 @@ def _advance(s: Any, c: Any, push: Any, dt: float) -> None:
         s[13, j] = keep * keep * ww + power
         s[15, j], s[16, j], s[17, j] = stay * td, stay * ud, stay * sd
         s[18, j] = keep * stay * wd
-        s[19, j] = stay * stay * dd + c[12, j] * (1.0 - stay * stay)
+        s[19, j] = stay * stay * dd + c[11, j] * (1.0 - stay * stay)

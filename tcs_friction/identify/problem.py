@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
+from tcs_friction.conditioning.hold import LoggedTorque
+from tcs_friction.conditioning.motion import (
+    SAMPLES_PER_CYCLE,
+    Motion,
+    at_rest,
+    coarse,
+    resmoothed,
+    sections,
+    unsure_start,
+    windows,
+)
 from tcs_friction.identify import kernels
+from tcs_friction.identify.fine import Fine, fine_samples
 from tcs_friction.identify.models import (
     AnyModel,
     LoadedModel,
@@ -16,17 +29,6 @@ from tcs_friction.identify.models import (
     model_for,
     reads_load,
 )
-from tcs_friction.identify.motion import (
-    SAMPLES_PER_CYCLE,
-    Motion,
-    at_rest,
-    coarse,
-    low_pass,
-    resmoothed,
-    unsure_start,
-    windows,
-)
-from tcs_friction.identify.prediction import Fine
 from tcs_friction.identify.refine import Refined
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Place
@@ -85,26 +87,27 @@ def thinning(motion: Motion) -> Thinning:
         stride = max(1, int(motion.rate / (2.0 * motion.bandwidth)))
     else:
         stride = max(1, len(motion) // SERIES_POINTS)
-    sections, lead = None, 0
+    passed, lead = None, 0
     if motion.bandwidth > 0.0:
-        sections = low_pass(motion.bandwidth, motion.rate)
+        passed = sections(motion.bandwidth, motion.rate)
     if motion.filtered > 0.0:
-        sections = butter(3, motion.filtered, fs=motion.rate, output="sos")
+        passed = butter(3, motion.filtered, fs=motion.rate, output="sos")
         lead = round(motion.rate / (np.pi * motion.filtered))
     half = 0 if stride == 1 or motion.bandwidth == 0.0 else 3 * stride
     x = np.arange(-half, half + 1) / stride
     taps = np.sinc(0.8 * x) * (0.5 + 0.5 * np.cos(np.pi * x / 3.0) if half else 1.0)
     centres = [np.arange(part.start + half, part.stop - half - lead, stride) for part in motion.stretches]
     chosen = np.concatenate(centres).astype(np.int64)
-    return Thinning(chosen, taps / taps.sum(), stride, sections, motion.bandwidth > 0.0, lead, motion.bounds)
+    return Thinning(chosen, taps / taps.sum(), stride, passed, motion.bandwidth > 0.0, lead, motion.bounds)
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Torque measured against torque modelled.
 
-    The vector of unknowns holds the law's parameters, then inertia, offset and the initial bristle torque of each
-    stretch. `rotor` (n,) is the torque to explain; `weights` (m,) say which compared samples count.
+    The vector of unknowns holds the law's parameters, then inertia, offset, lateness of the torque and the initial bristle torque
+    of each stretch. Lateness is how much later (s) the torque acts than `rotor` has it. `rotor` (n,) is the torque to explain;
+    `weights` (m,) say which compared samples count. whole: the motion of which `motion` has every so many samples.
     """
 
     axis: Axis
@@ -117,6 +120,8 @@ class Problem:
     acceleration: np.ndarray  # (m,)
     explained: np.ndarray  # (m,) bool: the law's torque there does not depend on what nobody saw
     told: np.ndarray  # (m,) bool: and it is more than a bound
+    rise: np.ndarray  # (m,) N m/s, by which the torque to explain changes with time
+    whole: Motion  # of which `motion` are every so many samples
     fine: Fine | None = None  # where predictions can be made: a recording
 
     @property
@@ -132,10 +137,19 @@ class Problem:
         return self.law_size + 1
 
     @property
+    def lateness_index(self) -> int:
+        return self.law_size + 2
+
+    @property
+    def states_index(self) -> int:
+        """Of the first initial bristle torque."""
+        return self.law_size + 3
+
+    @property
     def names(self) -> list[str]:
         """Of the unknowns."""
         states = [f"initial bristle torque {k}" for k in range(len(self.motion.bounds) - 1)]
-        return [*(p.name for p in self.axis.friction.term.parameters), "inertia", "offset", *states]
+        return [*(p.name for p in self.axis.friction.term.parameters), "inertia", "offset", "lateness", *states]
 
     @property
     def tolerance(self) -> float:
@@ -156,8 +170,7 @@ class Problem:
         silent = self.explained & ~self.told
         if not silent.any() or not isinstance(self.model, AnyModel):
             return refined.residual
-        inertia, offset = refined.unknowns[[self.inertia_index, self.offset_index]]
-        friction = (self.target - inertia * self.acceleration - offset)[silent]
+        friction = (self.target - self.beside(refined.unknowns))[silent]
         level = self.model.level(refined.unknowns[: self.law_size])[self.thin.centres][silent]
         residual = refined.residual.copy()
         residual[silent] = friction - np.clip(friction, -level, level)
@@ -170,9 +183,14 @@ class Problem:
     def torque(self, unknowns: np.ndarray) -> np.ndarray:
         """(m,) modelled torque."""
         k = self.law_size
-        law = self.model.torque(unknowns[:k], unknowns[k + 2 :], self._rest(unknowns))
+        law = self.model.torque(unknowns[:k], unknowns[k + 3 :], self._rest(unknowns))
         friction = self.thin.modelled(law[:, None])[:, 0]
-        return np.asarray(friction + unknowns[k] * self.acceleration + unknowns[k + 1])
+        return np.asarray(friction + self.beside(unknowns))
+
+    def beside(self, unknowns: np.ndarray) -> np.ndarray:
+        """(m,) torque beside friction; one that acts later leaves more to explain where the torque rises."""
+        inertia, offset, lateness = unknowns[self.law_size : self.law_size + 3]
+        return np.asarray(inertia * self.acceleration + offset + lateness * self.rise)
 
     def _rest(self, unknowns: np.ndarray) -> np.ndarray:
         """(n,) torque that inertia and offset require."""
@@ -187,36 +205,38 @@ class Problem:
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Torque (m,) and its derivatives by every unknown (m, p)."""
         k = self.law_size
-        law, slopes, first = self.model.derivatives(unknowns[:k], unknowns[k + 2 :], self._rest(unknowns))
+        law, slopes, first = self.model.derivatives(unknowns[:k], unknowns[k + 3 :], self._rest(unknowns))
         stretches = self.motion.stretches
         states = np.zeros((len(law), len(stretches)))
         if first is not None and len(stretches) <= MOST_INITIAL_STATES:
             for s, part in enumerate(stretches):
                 states[part, s] = first[part]
         columns = self.thin.modelled(np.column_stack([law, slopes, states]))
-        torque = columns[:, 0] + unknowns[k] * self.acceleration + unknowns[k + 1]
+        torque = columns[:, 0] + self.beside(unknowns)
         rest = np.column_stack([self.acceleration, np.ones(len(torque))])
         if isinstance(self.model, LoadedModel):
             growth = self.model.growth(unknowns[:k])
             rest += self.thin.modelled(np.column_stack([growth * self.motion.acceleration, growth]))
-        return torque, np.hstack([columns[:, 1 : 1 + k], rest, columns[:, 1 + k :]])
+        return torque, np.hstack([columns[:, 1 : 1 + k], rest, self.rise[:, None], columns[:, 1 + k :]])
 
 
-def pose(axis: Axis, motion: Motion) -> Problem:
-    """The problem of an axis (its law and effects believed) and a motion."""
+def pose(axis: Axis, motion: Motion, predicted: bool = True) -> Problem:
+    """The problem of an axis (its law and effects believed) and a motion; `predicted`: with what predictions are made from."""
     known = background(axis, motion)
     rotor = known.rotor - known.opposing
-    fine = _fine(axis, motion)
+    rise = np.concatenate([np.gradient(known.rotor[part], 1.0 / motion.rate) for part in motion.stretches])
+    fine = _fine(axis, motion) if predicted else None
+    whole = motion
     if motion.bandwidth > 0.0:
         index, motion = coarse(motion, max(1, int(motion.rate / (SAMPLES_PER_CYCLE * motion.bandwidth))))
-        rotor = rotor[index]
+        rotor, rise = rotor[index], rise[index]
     model = model_for(axis, motion)
     thin = thinning(motion)
     explained, told = _known(axis, model, motion)
-    target, acceleration = thin.apply(np.column_stack([rotor, motion.acceleration])).T
+    target, acceleration, rising = thin.apply(np.column_stack([rotor, motion.acceleration, rise])).T.copy()
     return Problem(
-        axis, motion, model, rotor, thin, target.copy(), told[thin.centres].astype(np.float64), acceleration.copy(),
-        explained[thin.centres], told[thin.centres], fine,
+        axis, motion, model, rotor, thin, target, told[thin.centres].astype(np.float64), acceleration,
+        explained[thin.centres], told[thin.centres], rising, whole, fine,
     )  # fmt: skip
 
 
@@ -233,28 +253,47 @@ def _known(axis: Axis, model: Model, motion: Motion) -> tuple[np.ndarray, np.nda
 
 
 def _fine(axis: Axis, motion: Motion) -> Fine | None:
-    """Position and torque at the rotor as logged, the torque without believed effects and without the believed delay."""
-    if motion.raw is None or any(item.term.place is Place.SENSOR for item in axis.effects):
+    """Position as recorded and torque as logged; what is believed of the drive has acted on it, but for its delay."""
+    if not motion.grids or any(item.term.place is Place.SENSOR for item in axis.effects):
         return None
     motion = resmoothed(windows(motion, MOST_SAMPLES, WINDOW), SHARPER * motion.bandwidth)
-    position, torque = np.asarray(motion.raw)
-    prompt = background(replace(axis, actuation_delay=0.0), replace(motion, torque=torque)).rotor
-    if reads_load(
-        axis
-    ):  # a prediction from the torque as it is, which pushes and loads at once, shares no noise with its error
-        motion = replace(motion, torque=torque)
+    samples = fine_samples(motion)
+    opposing = background(axis, motion).opposing
+    if any(item.term.place is Place.DRIVE for item in axis.effects):
+        logged = np.concatenate(
+            [grid.logged.values_at(motion.t[part]) for grid, part in zip(motion.grids, motion.stretches, strict=True)]
+        )
+        rotor = background(replace(axis, actuation_delay=0.0), replace(motion, torque=logged)).rotor
+        logs = tuple(LoggedTorque(motion.t[part], rotor[part], 1.0 / motion.rate) for part in motion.stretches)
+    else:
+        logs = tuple(grid.logged for grid in motion.grids)
+    if reads_load(axis):
+        # A prediction from the torque as it is, which pushes and loads at once, shares no noise with its error.
+        motion = replace(motion, torque=_mean_torque(logs, motion))
     made = AnyModel if reads_load(axis) else model_for
     model = made(axis, motion)
-    torque = prompt - background(axis, motion).opposing
     jitter = JITTER * motion.resolution * np.where(np.arange(len(motion)) % 2, -1.0, 1.0)
     shaken = made(axis, replace(motion, velocity=motion.velocity + jitter))
-    viscosity = float(np.std(torque)) / float(np.abs(motion.velocity).max())
+    viscosity = float(np.std(motion.torque)) / float(np.abs(motion.velocity).max())
     least = [LITTLE * (viscosity if p.unit == "N m s/rad" else 1.0) for p in axis.friction.term.parameters]
     fine = Fine(
-        position, torque, motion.bounds, 1.0 / motion.rate, motion.density, axis.actuation_delay,
-        model, shaken, np.arange(len(motion)), motion.velocity, jitter, np.array(least),
+        samples, logs, 1.0 / motion.rate, motion.timing.between, motion.density, motion.timing.acts,
+        axis.actuation_delay, opposing, model, shaken, motion.velocity, jitter, np.array(least),
+        float(np.std(motion.torque)),
     )  # fmt: skip
-    return fine.only(_known(axis, model, motion)[1])
+    return fine.only(fine.samples.at(_known(axis, model, motion)[1].astype(np.float64)) == 1.0)
+
+
+def _mean_torque(logs: Sequence[LoggedTorque], motion: Motion) -> np.ndarray:
+    """(n,) torque over the period around each sample."""
+    half, timing = 0.5 / motion.rate, motion.timing
+    return np.concatenate(
+        [
+            (log.integrals(motion.t[part] + half, timing.acts)[0] - log.integrals(motion.t[part] - half, timing.acts)[0])
+            * motion.rate
+            for log, part in zip(logs, motion.stretches, strict=True)
+        ]
+    )
 
 
 def settled(problem: Problem, unknowns: np.ndarray) -> Problem:
@@ -264,6 +303,6 @@ def settled(problem: Problem, unknowns: np.ndarray) -> Problem:
         return problem
     sure = ~model.unsure(values)[problem.thin.centres]
     if fine is not None and isinstance(fine.model, AnyModel):
-        fine = fine.only(~fine.model.unsure(values)[fine.places])
+        fine = fine.only(fine.samples.at(fine.model.unsure(values).astype(np.float64)) == 0.0)
     told, explained = problem.told & sure, problem.explained & sure
     return replace(problem, weights=problem.weights * sure, explained=explained, told=told, fine=fine)

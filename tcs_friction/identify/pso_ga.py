@@ -43,13 +43,17 @@ class Generation:
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """position (d,) in the unit box, its cost, best cost per generation, evaluations, how it ended."""
+    """position (d,) in the unit box, its cost, best cost (g,) per generation, evaluations, how it ended.
+
+    evaluated (g,): evaluations until the end of each generation.
+    """
 
     position: np.ndarray
     cost: float
     history: np.ndarray
     evaluations: int
     outcome: Outcome
+    evaluated: np.ndarray
 
 
 @dataclass
@@ -66,6 +70,7 @@ class _Search:
     best_cost: float = np.inf
     evaluations: int = 0
     history: list[float] = field(default_factory=list)
+    evaluated: list[int] = field(default_factory=list)
     last_gain: int = 0
     gained_cost: float = np.inf
     outcome: Outcome | None = None
@@ -81,6 +86,7 @@ class _Search:
     def generation_done(self) -> bool:
         """Book one generation; True when it is time to stop."""
         self.history.append(self.best_cost)
+        self.evaluated.append(self.evaluations)
         if not self.best_cost > self.gained_cost * (1.0 - self.options.stagnation_gain):
             self.gained_cost, self.last_gain = self.best_cost, len(self.history)
         number = len(self.history)
@@ -129,9 +135,8 @@ def search(
         if state.outcome is not None:
             break
     outcome = state.outcome or Outcome.BUDGET_SPENT
-    return SearchResult(
-        state.best, state.best_cost, np.array(state.history), state.evaluations, outcome
-    )  # step 14
+    history, evaluated = np.array(state.history), np.array(state.evaluated)
+    return SearchResult(state.best, state.best_cost, history, state.evaluations, outcome, evaluated)  # step 14
 
 
 def _swarm(

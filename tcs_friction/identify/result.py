@@ -14,6 +14,7 @@ from tcs_friction.numerics.by_speed import TorqueBySpeed
 from tcs_friction.numerics.outcome import Outcome
 
 SCHEMA = "tcs_friction/identification/1"
+RISING = "friction rises with speed; no stiction"
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Estimate:
     """One identified number.
 
     `value` of an undetermined parameter is the one that was held while the others were fitted; the file says null.
+    `std` is NaN (null in the file) where the value is at no minimum of the cost.
     """
 
     value: float
@@ -50,6 +52,33 @@ class Errors:
 
     train: float
     held_out: float
+
+
+@dataclass(frozen=True)
+class TorqueTiming:
+    """When the logged torque acts: `acts` s after its stamp it begins to (see `conditioning.hold`), `delay` s of it believed
+    apart; between: `held`, or a `line` through momentary values."""
+
+    acts: Estimate
+    delay: float
+    between: str
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As in `identification.json`."""
+        return {"acts": self.acts.to_mapping(), "actuation_delay": self.delay, "between": self.between}
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What disturbs the axis and its encoder, by a fit of predictions: drive N m rms up to `bandwidth` Hz, encoder rad rms."""
+
+    drive: float
+    bandwidth: float
+    encoder: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As in `identification.json`."""
+        return {"drive": self.drive, "bandwidth": self.bandwidth, "encoder": self.encoder}
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +123,10 @@ class Identification:
     parameters: of the law, by their names in the axis file. directions: the same for motion one way only ("positive",
     "negative"), without those that the recording never shows. correlation: names and matrix (p, p) of the free unknowns.
     bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
-    profiles: profile likelihoods by name, where asked for. history: best cost per generation of the global search.
-    outcome: how the search ended. by_speed: friction against speed, for pictures; None where there is no motion.
+    profiles: profile likelihoods by name, where asked for. history, evaluated: best cost (g,) per generation of the global
+    search, and evaluations (g,) until then. outcome: how the search ended; minimum: whether at a minimum of the cost, otherwise
+    every `std` is NaN. by_speed: friction against speed, for pictures; None where there is no motion. timing: of
+    the torque; None for friction estimates. noise: None where no predictions were made.
     """
 
     law: str
@@ -118,10 +149,19 @@ class Identification:
     notes: tuple[str, ...] = ()
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     by_speed: TorqueBySpeed | None = None
+    timing: TorqueTiming | None = None
+    noise: Noise | None = None
+    minimum: bool = True
+    evaluated: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         for name in ("parameters", "directions", "bound", "profiles"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def every(self) -> dict[str, Estimate]:
+        """Estimates by name: the law's parameters, inertia and offset."""
+        return {**self.parameters, "inertia": self.inertia, "offset": self.offset}
 
     def friction(self, direction: str | None = None) -> dict[str, float]:
         """Values of every parameter of the law, for one direction or both together; undetermined ones as they were held."""
@@ -138,6 +178,8 @@ class Identification:
             "parameters": {name: item.to_mapping() for name, item in self.parameters.items()},
             "inertia": self.inertia.to_mapping(),
             "offset": self.offset.to_mapping(),
+            "timing": self.timing.to_mapping() if self.timing else None,
+            "noise": self.noise.to_mapping() if self.noise else None,
             "directions": {
                 way: {name: item.to_mapping() for name, item in found.items()}
                 for way, found in self.directions.items()
@@ -149,6 +191,7 @@ class Identification:
             "seconds": self.seconds,
             "seed": self.seed,
             "outcome": self.outcome.value,
+            "minimum": self.minimum,
             "cramer_rao": {name: finite(value) for name, value in self.bound.items()},
             "correlation": {
                 "names": list(names),

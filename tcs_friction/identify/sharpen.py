@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from tcs_friction.conditioning.hold import Between
+from tcs_friction.identify.fine import Fine
 from tcs_friction.identify.models import LuGreModel
-from tcs_friction.identify.prediction import NUISANCES, Fine, ForcedPredictor, LuGrePredictor, Predictor
+from tcs_friction.identify.prediction import NUISANCES, ForcedPredictor, LuGrePredictor, Predictor
+from tcs_friction.identify.prediction_kernel import SLOW
 from tcs_friction.identify.refine import Refined, Space, refine
+from tcs_friction.identify.result import Noise
 
+BINS = 2001  # of a spectrum that is integrated
 MOSTLY = 0.5  # of the samples, at least, must be resolved
 ROUNDS = 3  # of fits, each with the weights that follow from the one before
+COARSE = 0.5  # rad that bristles swing in a step, until a fit is near its end: the midpoint rule errs by 1 % of their frequency
 LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
 SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
 SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
 WHITE = 3.5  # standard deviations of the correlation of neighbouring errors, if there is none
-LONGEST_DELAY = 0.05  # s
 START_RATE = 30.0  # 1/s, of the disturbance
 DRIFT = 0.1  # times the disturbance's size, to start with
 
@@ -26,8 +32,8 @@ DRIFT = 0.1  # times the disturbance's size, to start with
 class Sharpened:
     """A fit of predictions.
 
-    unknowns (k + 6,): law, inertia, offset, delay s, rate 1/s and size of the disturbance, size of the drift, both rad/s^2 rms.
-    fit: of the errors of prediction.
+    unknowns (k + 6,): law, inertia, offset, lateness s, rate 1/s and size of the disturbance, size of the drift, rad/s^2 rms.
+    fit: of the errors of prediction. scores (n,): of each sample, minus the logarithm of its likelihood; NaN of those left out.
     """
 
     unknowns: np.ndarray
@@ -35,16 +41,36 @@ class Sharpened:
     fit: Refined
     evaluations: int
     aim: Predictor
+    scores: np.ndarray
+
+    def likelier_than(self, other: Sharpened) -> bool:
+        """Whether it predicts at least as well; of the same samples, or on average of different ones."""
+        if len(self.scores) == len(other.scores):
+            return likelier(self.scores, other.scores)
+        return bool(np.nanmean(self.scores) <= np.nanmean(other.scores))
 
     @property
-    def delay(self) -> float:
-        """s by which the torque acts after its stamp."""
-        return float(self.unknowns[-NUISANCES])
+    def noise(self) -> Noise:
+        """Of drive and encoder: the disturbance and its drift as torques, and what blurs each position."""
+        inertia, rate, size, drift = (float(self.unknowns[k]) for k in (-NUISANCES - 3, -3, -2, -1))
+        return Noise(inertia * math.hypot(size, drift), rate / (2.0 * math.pi), self.aim.encoder)
+
+    def torque_left(self, bandwidth: float) -> float:
+        """N m rms that a fit of torques behind a low pass (Hz) leaves, if noise of drive and encoder are as they were found.
+
+        A torque whose noise is in the log alone and moves nothing is no disturbance: predictions take it for one, and are wrong.
+        """
+        frequency = np.linspace(0.0, 2.0 * bandwidth, BINS)
+        omega, gain = 2.0 * np.pi * frequency, 1.0 / (1.0 + (frequency / bandwidth) ** 8)
+        inertia, rate, size, drift = (float(self.unknowns[k]) for k in (-NUISANCES - 3, -3, -2, -1))
+        driven = 4.0 * (size**2 * rate / (rate**2 + omega**2) + drift**2 * SLOW / (SLOW**2 + omega**2))
+        encoder = 2.0 * self.aim.fine.period * self.aim.encoder**2 * omega**4
+        return inertia * math.sqrt(float(np.trapezoid((driven + encoder) * gain**2, frequency)))
 
     @property
     def sound(self) -> bool:
         """Whether the errors of prediction are as large as the filter expects, and white: else it lacks something."""
-        errors = self.fit.residual
+        errors = self.fit.residual[self.fit.weights > 0.0]
         power = float(np.mean(errors**2))
         if not SOUND[0] ** 2 < power < SOUND[1] ** 2:
             return False
@@ -59,20 +85,33 @@ def sharpen(
 
     The law is held at first: a wrong timing would drive it off, into other minima where it has kinks.
 
-    unknowns, space: law, inertia and offset (k + 2,); residual: rms of the fit before, N m.
+    unknowns, space: law, inertia, offset and lateness (k + 3,); residual: rms of the fit before, N m.
     """
     wider = widened(space)
-    predictor = _predictor(fine, wider)
+    predictor = _predictor(fine, wider, unknowns, COARSE)
     resolved = predictor.resolved(unknowns)
     if not resolved.all():
         clear = fine.only(resolved)
-        if clear is None or len(clear.position) < MOSTLY * len(fine.position):
+        if clear is None or len(clear.samples) < MOSTLY * len(fine.samples):
             return None
-        fine, predictor = clear, _predictor(clear, wider)
-    size = max(residual, 1e-9 * float(np.std(fine.torque))) / unknowns[-2]
-    start = predictor.tune(np.array([*unknowns, fine.delay, START_RATE, size, DRIFT * size]))
-    law = np.arange(len(start)) < len(unknowns) - 2
-    for spaces in (*[wider.holding(law)] * 2, *[wider] * ROUNDS):
+        fine, predictor = clear, _predictor(clear, wider, unknowns, COARSE)
+    size = max(residual, 1e-9 * fine.size) / unknowns[-3]
+    found = _fitted(predictor, np.array([*unknowns, START_RATE, size, DRIFT * size]), loss, cancel)
+    if not space.free[-1]:
+        return found
+    other = _predictor(fine.drawn(Between.LINE), wider, found.unknowns[:-NUISANCES], COARSE)
+    if likelier(found.scores, other.scores(other.tune(found.unknowns, near=True))):
+        return found
+    line = _fitted(other, found.unknowns, loss, cancel)
+    return found if found.likelier_than(line) else line
+
+
+def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable[[], bool]) -> Sharpened:
+    """The fit of predictions that begins at `first` (k + 6,)."""
+    start = predictor.tune(first)
+    space, evaluations, rounds = predictor.space, 0, 0
+    law = np.arange(len(start)) < len(start) - NUISANCES - 3
+    for spaces in (*[space.holding(law)] * 2, *[space] * ROUNDS):
         predictor.weigh(start)
         fit = refine(
             predictor.linearised, predictor.evaluated, predictor.target, predictor.weights, start, spaces, loss,
@@ -81,22 +120,33 @@ def sharpen(
         power = np.sum(fit.weights[:, None] * fit.jacobian[:, spaces.free] ** 2, axis=0)
         moved = float(np.max(np.abs(fit.unknowns - start)[spaces.free] * np.sqrt(power)))
         start = fit.unknowns
-        if (moved < SETTLED and spaces is wider) or cancel():
+        exact = predictor.finer(start) if spaces is space else predictor
+        if cancel() or (moved < SETTLED and rounds and exact is predictor):
             break
-    return Sharpened(start, wider, fit, predictor.evaluations, predictor)
+        if spaces is space and not rounds:
+            start = predictor.tune(start, near=True)  # of noise, beside a law that is nearly right
+        rounds += spaces is space
+        if exact is not predictor:
+            evaluations, predictor = evaluations + predictor.evaluations, exact
+    return Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor, predictor.scores(start))
 
 
-def _predictor(fine: Fine, space: Space) -> Predictor:
+def likelier(scores: np.ndarray, others: np.ndarray) -> bool:
+    """Whether predictions with these scores (n,) are at least as likely as others, by the samples that both count."""
+    return bool(np.nansum(scores - others) <= 0.0)
+
+
+def _predictor(fine: Fine, space: Space, unknowns: np.ndarray, finest: float) -> Predictor:
     if isinstance(fine.model, LuGreModel):
-        return LuGrePredictor(fine, fine.model, space)
+        return LuGrePredictor(fine, fine.model, space, unknowns, finest)
     return ForcedPredictor(fine, space)
 
 
 def widened(space: Space) -> Space:
-    """With delay, rate and size of the disturbance, and size of the drift."""
+    """With rate and size of the disturbance, and size of the drift."""
     return Space(
-        np.concatenate([space.lower, [0.0, START_RATE / 30.0, 1e-300, 1e-300]]),
-        np.concatenate([space.upper, [LONGEST_DELAY, 1e5, np.inf, np.inf]]),
-        np.concatenate([space.logarithmic, [False, True, True, True]]),
-        np.concatenate([space.free, [True, True, True, True]]),
+        np.concatenate([space.lower, [START_RATE / 30.0, 1e-300, 1e-300]]),
+        np.concatenate([space.upper, [1e5, np.inf, np.inf]]),
+        np.concatenate([space.logarithmic, [True, True, True]]),
+        np.concatenate([space.free, [True, True, True]]),
     )

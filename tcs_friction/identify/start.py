@@ -10,13 +10,15 @@ from tcs_friction.identify.problem import MOST_INITIAL_STATES, Problem
 from tcs_friction.identify.refine import Space
 from tcs_friction.physics.terms import Role
 
+LONGEST = 0.05  # s: clocks of a drive and its encoder differ by less, or nobody could control with them
+
 
 def believed_start(problem: Problem) -> np.ndarray:
-    """Unknowns (p,) as believed: the axis' values, no offset, stretches that start in motion with sliding friction."""
+    """Unknowns (p,) as believed: the axis' values, no offset, the torque in time, stretches that start in motion sliding."""
     values = problem.axis.friction.values
     law = [values[p.name] for p in problem.axis.friction.term.parameters]
     initial = first_directions(problem.axis, problem.motion) * values.get("coulomb", 0.0)
-    return np.array([*law, problem.axis.inertia, 0.0, *initial])
+    return np.array([*law, problem.axis.inertia, 0.0, 0.0, *initial])
 
 
 def with_sliding_states(problem: Problem, unknowns: np.ndarray) -> np.ndarray:
@@ -25,21 +27,23 @@ def with_sliding_states(problem: Problem, unknowns: np.ndarray) -> np.ndarray:
     names = problem.names
     if "coulomb" in names:
         coulomb = unknowns[names.index("coulomb")]
-        result[problem.law_size + 2 :] = first_directions(problem.axis, problem.motion) * coulomb
+        result[problem.states_index :] = first_directions(problem.axis, problem.motion) * coulomb
     return result
 
 
-def space_of(problem: Problem, free_inertia: bool, free_offset: bool) -> Space:
+def space_of(problem: Problem, free_inertia: bool, free_offset: bool, free_timing: bool) -> Space:
     """Bounds within which the data can tell a parameter; positive ones move by factors; free initial bristle torques."""
     parameters = problem.axis.friction.term.parameters
     states = len(problem.motion.bounds) - 1
     free_states = isinstance(problem.model, LuGreModel) and states <= MOST_INITIAL_STATES
+    farthest = max(LONGEST, 3.0 * problem.fine.period) if problem.fine else LONGEST
     box = widest(parameters, scales(problem, problem.axis.inertia))
     lower = np.array(
         [
             *np.where(box.logarithmic, box.lower, [p.lower for p in parameters]),
             1e-300,
             -np.inf,
+            -farthest,
             *[-np.inf] * states,
         ]
     )
@@ -48,11 +52,12 @@ def space_of(problem: Problem, free_inertia: bool, free_offset: bool) -> Space:
             *np.where(box.logarithmic, box.upper, [p.upper for p in parameters]),
             np.inf,
             np.inf,
+            farthest,
             *[np.inf] * states,
         ]
     )
-    logarithmic = np.array([*(p.lower > 0.0 for p in parameters), True, False, *[False] * states])
+    logarithmic = np.array([*(p.lower > 0.0 for p in parameters), True, False, False, *[False] * states])
     free = np.array(
-        [*(p.role is not Role.FIXED for p in parameters), free_inertia, free_offset, *[free_states] * states]
+        [*(p.role is not Role.FIXED for p in parameters), free_inertia, free_offset, free_timing, *[free_states] * states]
     )
     return Space(lower, upper, logarithmic, free)

@@ -1,28 +1,26 @@
-"""Identification in the graph: from what the observer sees, or from bags, to LuGre parameters for the compensator.
+"""Identification in the graph: from what was heard, or from bags, to LuGre parameters for the compensator.
 
-Where no observer's estimates are heard, the joint states are what is identified from, as the command does it from their bag.
+What is identified from are motion and torque, as the command does it from their bag: the observer's estimates have passed its
+filter, which bends what friction does at a reversal. They say when friction is measured.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from rclpy.clock import Clock
 from tcs_friction_msgs.action import Identify as IdentifyAction
 from tcs_friction_msgs.msg import FrictionEstimate, LugreParameters
 from tcs_friction_msgs.srv import Identify as IdentifyService
 
-from tcs_friction.config import AxisFile, save_axis, write_whole
+from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import choice, setting, switch
 from tcs_friction.control.plausible import Ranges
-from tcs_friction.errors import JobError, writing_into
-from tcs_friction.identify.identification import METHODS, identified_axis, identify
-from tcs_friction.identify.motion import Data, FrictionSeries
+from tcs_friction.errors import JobError
+from tcs_friction.identify.identification import METHODS, identify
+from tcs_friction.identify.minimum import NO_MINIMUM
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification
 from tcs_friction.nodes.base import AxisNode, ClockConfig, control_of, derived, heard_by_all
@@ -33,10 +31,11 @@ from tcs_friction.nodes.jobs import Jobs, Progress, Waiter
 from tcs_friction.nodes.live import LiveRecording, recordings
 from tcs_friction.nodes.peers import ResultsConfig, new_results
 from tcs_friction.nodes.qos import COLLECT, LATCHED
-from tcs_friction.nodes.series import Series
 from tcs_friction.nodes.topic_input import EstimateInput
+from tcs_friction.recording.recording import Recording
+from tcs_friction.report.identification_files import write_identification
 
-Live = tuple[list[Data], str]
+Live = tuple[Recording, str]
 """What was heard, and what to call it."""
 
 
@@ -44,31 +43,28 @@ Live = tuple[list[Data], str]
 class IdentifierConfig(ResultsConfig, Ranges, ClockConfig):
     """How to identify, and Switch2 of the paper."""
 
-    switch2: bool = switch(False, "Switch2: the observer's estimates are kept for identification")
+    switch2: bool = switch(False, "Switch2: states that an observer gives estimates for are kept for identification")
     method: str = choice("default", METHODS, "of the search")
     seed: int = setting(0, "", 0, 2**31 - 1, "seed of the search")
-    settle: float = setting(1.0, "s", 0.0, 1e4, "estimates so soon after the first one are not used")
-    estimate_delay: float = setting(0.0, "s", 0.0, 10.0, "by how much the observer's estimate is late, its filter apart")
-    estimate_bandwidth: float = setting(0.0, "Hz", 0.0, 1000.0, "of the observer's filter, which the model passes too; 0: none")
-    memory: float = setting(600.0, "s", 1.0, 1e5, "estimates older than this are forgotten")
+    memory: float = setting(600.0, "s", 1.0, 1e5, "joint states older than this are forgotten")
 
 
 def defaults(file: AxisFile) -> IdentifierConfig:
     """The settings that an axis file implies."""
-    control = control_of(file)
-    delay, bandwidth = control.observer.estimate_filter
-    return derived(
-        IdentifierConfig, control.loop, heard_by_all(file), estimate_delay=delay, estimate_bandwidth=bandwidth
-    )
+    return derived(IdentifierConfig, control_of(file).loop, heard_by_all(file))
 
 
 class Identifier(AxisNode[IdentifierConfig]):
-    """Publishes what it identified on lugre_parameters, latched."""
+    """Publishes what it identified on lugre_parameters, latched.
+
+    Once Switch2 has let an estimate in, only states heard while it is on and the estimates are valid are kept. Before that, all.
+    """
 
     def __init__(self) -> None:
         super().__init__("identifier", defaults)
-        self._series = Series(2)  # velocity, torque
         self._live = LiveRecording(self)
+        self._measured = False  # whether the states kept are those of a measurement of friction
+        self._valid = False  # the newest estimate that Switch2 let in
         self._estimates = EstimateInput(self.health, self.lock_step)
         self._publisher = self.create_publisher(LugreParameters, "lugre_parameters", LATCHED)
         self.start()
@@ -78,23 +74,27 @@ class Identifier(AxisNode[IdentifierConfig]):
         self.hear_driver(self._on_state, COLLECT)
 
     def configure(self, config: IdentifierConfig) -> None:
-        if config.switch2 and not self.config.switch2:
-            self._series.clear()
+        begins = config.switch2 and not self.config.switch2
         super().configure(config)
-        self._series.limit = round(config.memory / config.period)
-        self._live.follow(self.file.axis.name, self._series.limit, config)
+        another = self._live.follow(self.file.axis.name, round(config.memory / config.period), config)
+        if begins and self._measured:
+            self._live.clear()
+        if begins or another:
+            self._measured = self._valid = False
         self._estimates.configure(config)
 
     def _on_estimate(self, data: bytes) -> None:
         heard = self._estimates.take(data)
         if heard is None or not self.config.switch2:
             return
-        stamp, (torque, velocity, _, valid) = heard
-        if valid and self._series.append(stamp, velocity, torque) and not self._live.heard:
-            self.health.ticks += 1  # otherwise the states are counted
+        _, (_, _, _, valid) = heard
+        self._valid = bool(valid)
+        if self._valid and not self._measured:
+            self._live.clear()
+            self._measured = True
 
     def _on_state(self, data: bytes) -> None:
-        if self._live.append(data, keep=not len(self._series)):
+        if self._live.append(data, keep=not self._measured or (self.config.switch2 and self._valid)):
             self.health.ticks += 1
 
     async def _identify(self, request: Any, answer: Any, progress: Progress) -> str:
@@ -102,35 +102,29 @@ class Identifier(AxisNode[IdentifierConfig]):
             file = await self._waiter.in_thread(lambda: axis_file(request.axis)) if request.axis else self.file
             live, config = None if request.bags else self._heard(), self.config
             progress.tell(stage="reading" if request.bags else "searching")
-            found, file, source = await self._waiter.in_thread(lambda: identified(request, live, file, config, progress))
+            found, data, source = await self._waiter.in_thread(lambda: identified(request, live, file, config, progress))
             if not found.parameters["coulomb"].determined:
                 raise JobError("identification", f"coulomb is not determined: {found.parameters['coulomb'].reason}")
             if directory is not None:
-                await self._waiter.in_thread(lambda: write_result(directory, file, found))
+                await self._waiter.in_thread(lambda: write_identification(directory, file, found, data))
         message = lugre_parameters(found, source, self.get_clock())
         answer.parameters, answer.rmse = message, found.rmse.train
         self._publisher.publish(message)
         size = f"{found.parameters['coulomb'].value:.4g}, static {found.parameters['static'].value:.4g}"
-        return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms, from {source}"
+        doubt = "" if found.minimum else f"; {NO_MINIMUM}"
+        return f"coulomb {size}, residual {found.rmse.train:.3g} {found.offset.unit} rms, from {source}{doubt}"
 
     def _heard(self) -> Live:
-        """A copy of the series of live estimates, or without any of the live recording of joint states, and what it is."""
-        if not len(self._series):
-            return [self._live.recording()], f"{len(self._live)} live joint states"
-        t, velocity, torque = self._series.arrays()
-        keep = t >= (t[0] if len(t) else 0.0) + self.config.settle
-        if np.count_nonzero(keep) < 2:
-            raise JobError("live recording", f"{len(t)} estimates heard", "a run in mode MEASURE before")
-        delay, bandwidth = self.config.estimate_delay, self.config.estimate_bandwidth
-        return [FrictionSeries(t[keep], velocity[keep], torque[keep], delay, bandwidth)], f"{len(t)} live estimates"
+        """The live recording of joint states, and what it is."""
+        recording = self._live.recording()
+        return recording, f"{len(self._live)} live joint states{' with estimates' if self._measured else ''}"
 
 
 def identified(
     request: Any, live: Live | None, file: AxisFile, config: IdentifierConfig, progress: Progress
-) -> tuple[Identification, AxisFile, str]:
-    """The identification asked for, the axis file as it was believed, and what it is from. Runs in a thread of its own."""
-    data, source = live or (recordings(request, file), ", ".join(request.bags))
-    believed = replace(file.axis, effects=()) if isinstance(data[0], FrictionSeries) else file.axis
+) -> tuple[Identification, list[Recording], str]:
+    """The identification asked for, and what it is from, also in words. Runs in a thread of its own."""
+    data, source = ([live[0]], live[1]) if live else (recordings(request, file), ", ".join(request.bags))
 
     def tell(generation: Generation) -> None:
         progress.tell(
@@ -140,10 +134,10 @@ def identified(
             cost=float(generation.cost),
         )
 
-    found = identify(data, believed, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
+    found = identify(data, file.axis, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
     if progress.cancelled.is_set():
         raise JobError("identification", "was cancelled")
-    return found, replace(file, axis=believed), source
+    return found, data, source
 
 
 def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreParameters:
@@ -159,13 +153,6 @@ def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreP
         fill_direction(target, values, deviations)
     message.torque_offset = float(found.offset.value) if found.offset.determined else 0.0
     return message
-
-
-def write_result(directory: Path, file: AxisFile, found: Identification) -> None:
-    """identification.json and axis.yaml, as the command writes them."""
-    with writing_into(directory):
-        write_whole(directory / "identification.json", json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n")
-        save_axis(directory / "axis.yaml", replace(file, axis=identified_axis(file.axis, found)))
 
 
 def main(args: Sequence[str] | None = None) -> int:

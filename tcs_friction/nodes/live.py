@@ -36,18 +36,19 @@ class LiveRecording:
     def __len__(self) -> int:
         return len(self._series)
 
-    @property
-    def heard(self) -> bool:
-        """Whether a state has ever been accepted."""
-        return self._state.stamp >= 0
-
-    def follow(self, joint: str, limit: int, config: Settings) -> None:
-        """Keep `limit` states of this joint; those of another are forgotten."""
-        if joint != self._joint:
+    def follow(self, joint: str, limit: int, config: Settings) -> bool:
+        """Keep `limit` states of this joint. Whether it is another one: the states of the one before are forgotten."""
+        another = joint != self._joint
+        if another:
             self._series.clear()
             self._joint = joint
         self._state.configure(joint, config)
         self._series.limit = limit
+        return another
+
+    def clear(self) -> None:
+        """Forget the states that were kept."""
+        self._series.clear()
 
     def append(self, data: bytes, keep: bool = True) -> bool:
         """A serialised JointState; False when it repeats the last one, is refused or is about other joints."""

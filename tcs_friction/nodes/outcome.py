@@ -18,6 +18,7 @@ from tcs_friction.nodes.base import control_of
 from tcs_friction.nodes.convert import direction
 from tcs_friction.nodes.runs import Run
 from tcs_friction.report.commission import CommissionResult, write_report
+from tcs_friction.report.identification_files import AXIS, IDENTIFICATION
 from tcs_friction.report.runs import FrictionRun, TrackingRun
 
 LOOK = 0.01  # s between two looks at a reference's speed
@@ -64,16 +65,16 @@ def write_outcome(directory: Path, result: CommissionResult) -> None:
 
 
 def keep_identification(directory: Path | None, name: str) -> np.ndarray:
-    """Move the files of the best round's identification up to where those of the commissioning are.
+    """Copy result and axis of the best round's identification up to where the files of the commissioning are.
 
-    Returns the best cost of each generation of its search; none where the identifier's results are on another machine.
+    Its report stays where it is. Returns the best cost of each generation of its search; none where the identifier's results
+    are on another machine.
     """
     if directory is None or not (directory / name).is_dir():
         return np.zeros(0)
-    for path in (directory / name).iterdir():
-        path.replace(directory / path.name)
-    (directory / name).rmdir()
-    content = json.loads((directory / "identification.json").read_text(encoding="utf-8"))
+    for file in (IDENTIFICATION, AXIS):
+        write_whole(directory / file, (directory / name / file).read_text(encoding="utf-8"))
+    content = json.loads((directory / IDENTIFICATION).read_text(encoding="utf-8"))
     return np.array(content["history"], dtype=np.float64)
 
 

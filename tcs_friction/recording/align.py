@@ -54,14 +54,16 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
     base = _base(columns[signals.position.topic], signals.position, source, told)
     fine = np.ones(len(base.times), dtype=np.bool_)
     values: dict[str, Column | None] = {}
+    log: tuple[Nanoseconds, Column] | None = None
     for name, signal in signals.named():
         needed = name in ("position", "torque")
         if signal.topic == base.columns.topic:
             column = base.columns.values[signal][base.rows]
         else:
-            column = _from_other_topic(base, columns[signal.topic], name, signal, told)
+            column, own = _from_other_topic(base, columns[signal.topic], name, signal, told)
+            log = own if name == "torque" else log
         values[name] = _usable(column, fine, name, signal, needed, source, told)
-    return _cut(base, fine, values, signals, source, told)
+    return _cut(base, fine, values, signals, source, told, log)
 
 
 def _base(columns: TopicColumns, position: SignalSource, source: str, told: list[str]) -> _Base:
@@ -96,13 +98,14 @@ def _has_headers(columns: TopicColumns, told: list[str]) -> bool:
 
 def _from_other_topic(
     base: _Base, columns: TopicColumns, name: str, signal: SignalSource, told: list[str]
-) -> Column:
+) -> tuple[Column, tuple[Nanoseconds, Column] | None]:
+    """The signal at the times of the base, and as it was recorded."""
     values = columns.values[signal]
     usable = np.isfinite(values)
     if not usable.all() and usable.any():
         told.append(f"{name}: {np.count_nonzero(~usable)} samples of {signal} are not finite or absent, left out")
     if not usable.any():
-        return np.full(len(base.times), np.nan)
+        return np.full(len(base.times), np.nan), None
     times, log_times = _on_base_clock(base, columns, told)
     line = clock.timeline(times[usable], log_times[usable])
     told.extend(f"{columns.topic}: {note}" for note in line.notes)
@@ -112,9 +115,9 @@ def _from_other_topic(
     ordered = values[usable][line.rows]
     if name == "torque":
         told.append(f"torque: held from {columns.topic} onto the times of {base.columns.topic}")
-        return held(base.times, line.times, ordered, limit)
+        return held(base.times, line.times, ordered, limit), (line.times, ordered)
     told.append(f"{name}: interpolated from {columns.topic} onto the times of {base.columns.topic}")
-    return interpolated(base.times, line.times, ordered, limit)
+    return interpolated(base.times, line.times, ordered, limit), (line.times, ordered)
 
 
 def _on_base_clock(base: _Base, columns: TopicColumns, told: list[str]) -> tuple[Nanoseconds, Nanoseconds]:
@@ -180,8 +183,9 @@ def _usable(
 
 
 def _cut(
-    base: _Base, fine: Mask, values: dict[str, Column | None], signals: SignalMap, source: str, told: list[str]
-) -> Recording:
+    base: _Base, fine: Mask, values: dict[str, Column | None], signals: SignalMap, source: str, told: list[str],
+    log: tuple[Nanoseconds, Column] | None,
+) -> Recording:  # fmt: skip
     limit = clock.gap_limit(base.times)
     kept = np.flatnonzero(fine)
     whole = len(kept) == len(fine)
@@ -214,7 +218,10 @@ def _cut(
     assert torque is not None
     exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
     seconds = (times - times[0]) / 1e9
+    period = clock.usual_period(base.times if log is None else log[0]) * 1e-9
+    own = None if log is None or len(log[0]) < 2 else np.vstack([(log[0] - times[0]) / 1e9, log[1]])
     return Recording(
         seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
-        exogenous, segments, source, tuple(told), int(times[0]), signals.torque_unit,
+        exogenous, segments, source, tuple(told), int(times[0]), signals.torque_unit, own,
+        signals.torque.acts_after(period),
     )  # fmt: skip

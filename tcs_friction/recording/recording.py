@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -28,6 +28,8 @@ class Recording:
     source: where it came from, for messages. notes: what was found and handled on reading, one line each.
     start: of t = 0, ns since 1970, 0 where nobody knows it.
     torque_unit: A, V or % where the torque is known up to a constant; everything with torque in it is then in that. "": N m or N.
+    torque_log: (2, m) stamps (s, as t) and values of the torque as it was logged, where that has stamps of its own; `torque` is
+        then what was last logged at each t. acts: s after its stamp at which a logged torque begins to act; None: not known.
 
     Raises InputError naming the signal and the sample that breaks a rule.
     """
@@ -44,6 +46,8 @@ class Recording:
     notes: tuple[str, ...] = ()
     start: int = 0
     torque_unit: str = ""
+    torque_log: Column | None = None
+    acts: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "position", "torque", "velocity", "temperature", "reference"):
@@ -53,6 +57,8 @@ class Recording:
         exogenous = {name: self._checked(f"exogenous {name}", values) for name, values in self.exogenous.items()}
         object.__setattr__(self, "exogenous", MappingProxyType(exogenous))
         self._check_time()
+        if self.torque_log is not None:
+            object.__setattr__(self, "torque_log", self._checked_log(self.torque_log))
         segments = tuple(self.segments) or (slice(0, len(self.t)),)
         object.__setattr__(self, "segments", tuple(self._checked_segments(segments)))
 
@@ -63,6 +69,21 @@ class Recording:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.t[-1] - self.t[0])
+
+    def logged(self, where: slice) -> tuple[Column, Column]:
+        """Stamps (m,), s, and values (m,) of the torque as logged during a slice (step 1), with one value on either side."""
+        if self.torque_log is None:
+            return self.t[where], self.torque[where]
+        first, last = self.t[where][[0, -1]]
+        stamps = self.torque_log[0]
+        begin = max(int(np.searchsorted(stamps, first, side="right")) - 1, 0)
+        end = min(int(np.searchsorted(stamps, last)) + 1, len(stamps))
+        return stamps[begin:end], self.torque_log[1][begin:end]
+
+    def turned_over(self) -> Recording:
+        """The same with a torque of the other sign."""
+        log = None if self.torque_log is None else self.torque_log * np.array([[1.0], [-1.0]])
+        return replace(self, torque=-self.torque, torque_log=log)
 
     def part(self, where: slice) -> Recording:
         """The samples of one slice (step 1) as a recording of its own; times keep their zero."""
@@ -80,13 +101,14 @@ class Recording:
             self.t[start:stop], self.position[start:stop], self.torque[start:stop],
             cut(self.velocity), cut(self.temperature), cut(self.reference),
             {name: values[start:stop] for name, values in self.exogenous.items()},
-            segments, self.source, self.notes, self.start, self.torque_unit,
+            segments, self.source, self.notes, self.start, self.torque_unit, self.torque_log, self.acts,
         )  # fmt: skip
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = (
             self.t, self.position, self.torque, self.velocity, self.temperature, self.reference,
-            dict(self.exogenous), self.segments, self.source, self.notes, self.start, self.torque_unit,
+            dict(self.exogenous), self.segments, self.source, self.notes, self.start,
+            self.torque_unit, self.torque_log, self.acts,
         )  # fmt: skip
         return (Recording, arguments)
 
@@ -101,6 +123,16 @@ class Recording:
         view = column.view()
         view.flags.writeable = False
         return view
+
+    def _checked_log(self, log: Column) -> Column:
+        """Stamps and values of a torque with stamps of its own."""
+        values = np.array(log, dtype=np.float64)
+        if values.ndim != 2 or len(values) != 2 or values.shape[1] < 2:
+            raise InputError(self.source, f"torque_log has shape {values.shape}", "(2, m), m at least 2")
+        if not np.isfinite(values).all() or not (np.diff(values[0]) > 0.0).all():
+            raise InputError(self.source, "torque_log", "finite values at stamps that strictly increase")
+        values.flags.writeable = False
+        return values
 
     def _check_time(self) -> None:
         if len(self.t) < 2:

@@ -18,6 +18,9 @@ from tcs_friction.recording.units import Conversion, conversion_of, torque_base,
 REQUIRED = ("position", "torque")
 OPTIONAL = ("velocity", "temperature", "reference")
 SOURCE_KEYS = ("topic", "field", "joint", "scale", "unit")
+FROM_STAMP, UP_TO_STAMP, UNKNOWN = "from_stamp", "up_to_stamp", "unknown"
+ACTS = (FROM_STAMP, UP_TO_STAMP, UNKNOWN)
+"""When a logged torque acts: from its stamp to the next, from the stamp before to its own, or nobody knows."""
 
 T = TypeVar("T", float, np.ndarray)
 _STEP = re.compile(r"([A-Za-z_]\w*)((?:\[\d+\])*)")
@@ -30,7 +33,8 @@ class SignalSource:
     `field` may index arrays (`points[0].positions[2]`); `joint` picks the element of the last array by the name
     list beside it (`name`, `names` or `joint_names`), wherever the joint stands in each message.
     scale: factor, beside that of the unit. unit: of the number (see recording.units), "" for SI. rated: torque (N m) of which a
-    torque in per cent is a share, 0 where nobody knows it.
+    torque in per cent is a share, 0 where nobody knows it. acts: of a torque, when it does, one of ACTS, or s after its stamp at
+    which it begins to (negative: before).
     """
 
     topic: str
@@ -39,6 +43,7 @@ class SignalSource:
     scale: float = 1.0
     unit: str = ""
     rated: float = 0.0
+    acts: str | float = UNKNOWN
 
     @cached_property
     def conversion(self) -> Conversion:
@@ -56,6 +61,10 @@ class SignalSource:
         """The other way round: SI units as they are to be recorded."""
         factor, offset = self.conversion
         return values if (factor, offset) == (1.0, 0.0) else (values - offset) / factor
+
+    def acts_after(self, period: float) -> float | None:
+        """s after its stamp at which a logged value begins to act, of values `period` s apart; None: not known."""
+        return {FROM_STAMP: 0.0, UP_TO_STAMP: -period, UNKNOWN: None}[self.acts] if isinstance(self.acts, str) else self.acts
 
     @property
     def steps(self) -> tuple[str | int, ...]:
@@ -161,13 +170,15 @@ def _entry(source: SignalSource) -> dict[str, Any]:
         entry["scale"] = source.scale
     if source.unit:
         entry["unit"] = source.unit
+    if source.acts != UNKNOWN:
+        entry["acts"] = source.acts
     return entry
 
 
 def _source(entry: Any, where: str, signal: str = "") -> SignalSource:
     """signal: "" for one that is none of the axis, whose unit is nobody's business."""
     block = _mapping(entry, where)
-    _refuse_unknown(block, SOURCE_KEYS, where)
+    _refuse_unknown(block, (*SOURCE_KEYS, "acts") if signal == "torque" else SOURCE_KEYS, where)
     for key in ("topic", "field"):
         if not isinstance(block.get(key), str) or not block[key]:
             raise InputError(where, f"{key} is {block.get(key)!r}", "a name")
@@ -181,7 +192,8 @@ def _source(entry: Any, where: str, signal: str = "") -> SignalSource:
     if unit != "" and unit not in known:
         found = f"unit is {unit!r}"
         raise InputError(where, found, nearest(str(unit), known) if known else "no unit of a signal that is not the axis' own")
-    source = SignalSource(block["topic"], block["field"], joint, float(scale), unit)
+    acts = _acts(block.get("acts", UNKNOWN), where)
+    source = SignalSource(block["topic"], block["field"], joint, float(scale), unit, acts=acts)
     try:
         steps = source.steps
     except InputError as error:
@@ -189,6 +201,14 @@ def _source(entry: Any, where: str, signal: str = "") -> SignalSource:
     if joint is not None and isinstance(steps[-1], int):
         raise InputError(where, f"joint {joint} and an index in {source.field}", "one of the two")
     return source
+
+
+def _acts(value: Any, where: str) -> str | float:
+    if isinstance(value, str) and value in ACTS:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(where, f"acts is {value!r}", f"{', '.join(ACTS)}, or s after the stamp")
+    return float(value)
 
 
 def _mapping(entry: Any, where: str) -> Mapping[str, Any]:
@@ -212,3 +232,8 @@ def graph_signals(namespace: str, joint: str) -> SignalMap:
         velocity=SignalSource(states, "velocity", joint),
         reference=SignalSource(f"{namespace}/reference", "position"),
     )
+
+
+def opposing_torque() -> InputError:
+    """The refusal of a torque whose sign is turned over."""
+    return InputError("signal torque", "it opposes every motion that it should drive", "the other sign (scale: -1.0)")

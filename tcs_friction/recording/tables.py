@@ -124,7 +124,7 @@ def import_table(
     elif unused := [name for name in others if name not in signals.exogenous]:
         notes.append(f"not among the axis file's exogenous signals, left out: {', '.join(unused)}")
     others = {name: signals.exogenous[name].si(column) for name, column in others.items() if name in signals.exogenous}
-    recording = _recording(path, times, values, others, notes)
+    recording = _recording(path, times, values, others, sources["torque"].acts, notes)
     recording = replace(recording, start=start, torque_unit=torque_unit)
     return Imported(recording, signals, kind or units.kind_of(units_told))
 
@@ -214,16 +214,18 @@ def _others(columns: Mapping[str, Column], roles: Roles, where: str) -> dict[str
     return {token: columns[column] for token, column in origins.items()}
 
 
-def _recording(path: Path, times: Column, values: dict[str, Column], others: dict[str, Column], notes: list[str]) -> Recording:
+def _recording(
+    path: Path, times: Column, values: dict[str, Column], others: dict[str, Column], acts: str | float, notes: list[str]
+) -> Recording:
     """The table's rows as a bag's columns, so that bad rows are found and handled in one place."""
     good = np.isfinite(times)
     if not good.all():
         notes.append(mended(f"{np.count_nonzero(~good)} rows without a time left out"))
     stamps = EPOCH + np.rint(times[good] * 1e9).astype(np.int64)
     topic = str(path)
-    sources = {name: SignalSource(topic, name) for name in values}
+    sources = {name: SignalSource(topic, name) for name in values} | {"torque": SignalSource(topic, "torque", acts=acts)}
     exogenous = {name: SignalSource(topic, name) for name in others}
-    found = {SignalSource(topic, name): column[good] for name, column in {**values, **others}.items()}
+    found = {source: {**values, **others}[name][good] for name, source in {**sources, **exogenous}.items()}
     columns = TopicColumns(topic, stamps, stamps, found)
     recording = align({topic: columns}, SignalMap(**sources, exogenous=exogenous), topic, notes)
     told = tuple(note for note in recording.notes if not note.startswith("time base"))

@@ -9,15 +9,17 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tcs_friction.config import save_axis, write_whole
 from tcs_friction.control.model_compensator import effect_names
 from tcs_friction.diagnose.outcome.experiment import reference_text
-from tcs_friction.diagnose.outcome.result import Diagnosis
-from tcs_friction.errors import InputError, writing_into
+from tcs_friction.diagnose.outcome.result import SCHEMA, Diagnosis
+from tcs_friction.errors import writing_into
+from tcs_friction.json_files import Json, load_json
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.terms import Instance
 from tcs_friction.report.diagnosis import write_report
 
 DIAGNOSIS, EXPERIMENT = "diagnosis.json", "next_experiment.yaml"
@@ -61,37 +63,39 @@ def write_diagnosis(directory: Path, found: Diagnosis) -> Path:
 def told_by(path: Path, axis: Axis) -> tuple[dict[str, str], dict[str, Mapping[str, float]]]:
     """What a diagnosis.json says of an axis' effects: why some should not be cancelled, standard deviations of those it names.
 
-    Raises InputError for a file that is no diagnosis.
+    Raises InputError for a file that is no diagnosis, and for a damaged one.
     """
-    content = _loaded(path)
+    content = load_json(path, "the diagnosis.json of ./tcs diagnose", SCHEMA)
     left_out: dict[str, str] = {}
     deviations: dict[str, Mapping[str, float]] = {}
-    entries = [(entry, True) for entry in content["effects"]] + [(entry, False) for entry in content["described"]]
+    told = [(_told(entry), key == "effects") for key in ("effects", "described") for entry in content.at(key).entries()]
     for name, item in effect_names(axis).items():
-        entry, named = next(((e, n) for e, n in entries if _is_about(e, item.term.id, item.values)), (None, False))
-        if entry is None:
+        found, named = next(((one, n) for one, n in told if one.is_about(item)), (None, False))
+        if found is None:
             left_out[name] = UNKNOWN
         elif not named:
             left_out[name] = DESCRIBED
         else:
-            deviations[name] = {key: float(value["std"]) for key, value in entry["parameters"].items()}
+            deviations[name] = found.deviations
     return left_out, deviations
 
 
-def _loaded(path: Path) -> Mapping[str, Any]:
-    try:
-        content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f"cannot be read ({type(error).__name__})", "the diagnosis.json of ./tcs diagnose") from None
-    known = isinstance(content, dict) and all(isinstance(content.get(key), list) for key in ("effects", "described"))
-    if not known:
-        raise InputError(str(path), "no diagnosis", "the diagnosis.json of ./tcs diagnose")
-    return dict(content)
+@dataclass(frozen=True)
+class _Told:
+    """An effect of a diagnosis: its id, its values and their standard deviations by parameter."""
+
+    effect: str
+    values: Mapping[str, float]
+    deviations: Mapping[str, float]
+
+    def is_about(self, item: Instance) -> bool:
+        """Whether this is an effect with these values."""
+        return self.effect == item.term.id and all(
+            name in item.values and math.isclose(value, item.values[name], rel_tol=1e-6) for name, value in self.values.items()
+        )
 
 
-def _is_about(entry: Mapping[str, Any], effect: str, values: Mapping[str, float]) -> bool:
-    """Whether an effect of a diagnosis is one with these values."""
-    stated = {name: one["value"] for name, one in entry.get("parameters", {}).items()}
-    return entry.get("effect") == effect and all(
-        name in values and math.isclose(value, values[name], rel_tol=1e-6) for name, value in stated.items()
-    )
+def _told(entry: Json) -> _Told:
+    parameters = entry.at("parameters").mapping()
+    values = {name: one.at("value").number() for name, one in parameters.items()}
+    return _Told(entry.at("effect").text(), values, {name: one.at("std").number(0.0) for name, one in parameters.items()})

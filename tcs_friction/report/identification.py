@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 from tcs_friction.identify.comparison import Comparison
 from tcs_friction.identify.conclusions import BELIEVED as BELIEVED_LAW
 from tcs_friction.identify.conclusions import IDENTIFIED
-from tcs_friction.identify.result import Estimate, Identification
+from tcs_friction.identify.minimum import NO_MINIMUM
+from tcs_friction.identify.result import RISING, Estimate, Identification
+from tcs_friction.identify.searches import Searches
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.figures import (
     BELIEVED,
@@ -41,6 +43,7 @@ from tcs_friction.report.numbers import with_error
 from tcs_friction.report.plot import Curve, Panel, Plot, Rule, Scale, Spacing, main_range
 from tcs_friction.report.plot_picture import drawn_plot
 from tcs_friction.report.profiles import draw_profiles, profile_table
+from tcs_friction.report.searches import draw_searches, search_table
 
 
 def write_report(
@@ -48,6 +51,7 @@ def write_report(
     found: Identification,
     recordings: Sequence[Recording] = (),
     comparison: Comparison | None = None,
+    searches: Searches | None = None,
 ) -> Path:
     """Write DIR/report.html and its pictures; returns the page's path."""
     time, speed, costs = draw_torque(found), draw_friction(found), draw_costs(found)
@@ -64,6 +68,10 @@ def write_report(
         parts.append(
             section("Friction laws compared", picture(laws), law_table(comparison, found.offset.unit))
         )
+    if searches is not None:
+        beside = draw_searches(searches)
+        pictures.append(beside)
+        parts.append(section("PSO-GA beside PSO", picture(beside), search_table(searches)))
     if found.profiles:
         profiles = draw_profiles(found)
         pictures.append(profiles)
@@ -83,7 +91,7 @@ def write_report(
 
 def sentence(found: Identification) -> str:
     """What a control engineer would say of the result."""
-    every = {**found.parameters, "inertia": found.inertia, "offset": found.offset}
+    every = found.every
     sure = [f"{_words(name)} {e.value:.4g} {e.unit}".rstrip() for name, e in every.items() if e.determined]
     lost = [_words(name) for name, e in every.items() if not e.determined]
     law = _words(found.law).replace("lugre", "LuGre")
@@ -91,6 +99,10 @@ def sentence(found: Identification) -> str:
     words += f": {', '.join(sure)}." if sure else ", but the recording determines none of its parameters."
     if lost and sure:
         words += f" The recording cannot determine {_joined(lost)}."
+    if any(line.startswith(RISING) for line in found.notes):
+        words += f" {RISING.capitalize()}."
+    if not found.minimum:
+        words += f" No value has an interval: {NO_MINIMUM}."
     return words
 
 
@@ -106,10 +118,6 @@ def _explained(found: Identification) -> float:
 
 def _joined(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _every(found: Identification) -> Mapping[str, Estimate]:
-    return {**found.parameters, "inertia": found.inertia, "offset": found.offset}
 
 
 def _numbers(found: Identification) -> list[Number]:
@@ -205,7 +213,7 @@ def draw_laws(comparison: Comparison, unit: str) -> Figure:
 def parameter_table(found: Identification) -> Html:
     """Every parameter with its standard error, the least possible one, and the reason where there is none."""
     rows: list[list[str | Cell]] = []
-    for name, estimate in _every(found).items():
+    for name, estimate in found.every.items():
         if estimate.determined:
             least = found.bound.get(name)
             bound = f"{least:.2g}" if least is not None and np.isfinite(least) else "–"

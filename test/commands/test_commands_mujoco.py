@@ -12,9 +12,9 @@ from test_commands_diagnose import diagnosis
 
 from tcs_friction import cli
 from tcs_friction.commands import diagnose as command
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile, load_axis, save_axis, shipped
 from tcs_friction.diagnose import from_simulation
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.from_model import SHORTEST_START, Way, recorded_along
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording

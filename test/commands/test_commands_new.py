@@ -14,14 +14,14 @@ import yaml
 from tcs_friction.cli import main
 from tcs_friction.commands import new
 from tcs_friction.commands.new import text_of
+from tcs_friction.conditioning.checks import check_units
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
-from tcs_friction.diagnose.dataset.checks import check_units
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.errors import InputError
-from tcs_friction.identify import comparison, first_axis
+from tcs_friction.identify import first_axis
 from tcs_friction.identify.identification import identify
 from tcs_friction.identify.result import Identification
 from tcs_friction.recording.bags import read_recordings
@@ -79,17 +79,24 @@ def test_a_telescope_is_known_from_its_bag(
     assert file.control.controller.inertia_feedforward == axis.inertia
     assert file.control.compensator.positive.coulomb == axis.friction.values["coulomb"]
     assert file.control.controller.velocity_limit == pytest.approx(1.2 * np.abs(run.velocity).max(), rel=0.02)
+    assert file.control.loop.period == 0.001
+    assert axis.effects == ()
+    assert axis.drive.noise == pytest.approx(0.25, rel=0.2)
+    assert not told["doubts"]
     text = path.read_text()
     inertia = next(line for line in text.splitlines() if line.strip().startswith("inertia:"))
     assert "# ± " in inertia
-    assert "held-out residual of each: " in text
+    assert "held-out residual of each, roughly: lugre 0." in text
+    assert [one["law"] for one in told["laws"]] == sorted(first_axis.LAWS, key=[one["law"] for one in told["laws"]].index)
+    again = identify(read_recordings([tmp_path / "bag"], file.signals), axis, law="lugre")
+    assert axis.friction.values == pytest.approx(again.friction(), rel=1e-3), "as identify finds it"
 
 
 @pytest.mark.usefixtures("one_law")
 def test_a_torque_of_the_other_sign_is_turned_over(run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "axis.yaml"
     assert main(["new", str(bag(tmp_path / "bag", run, sign=-1.0)), "-o", str(path)]) == 0
-    assert "doubtful: the recorded torque was turned over" in capsys.readouterr().out
+    assert "doubtful: the recorded torque was turned over: it does -" in capsys.readouterr().out
     file = load_axis(path)
     assert file.axis.inertia == pytest.approx(1000.0, rel=0.03)
     assert file.signals is not None
@@ -200,13 +207,13 @@ def test_what_tracks_slowly_one_way_gives_a_file_that_says_what_it_cannot_tell(
 ) -> None:
     """So few samples are left behind the low pass that none is held out; a law that cannot be fitted is left out."""
 
-    def refusing(*given: object) -> Identification:
-        if given[3] == "lugre":
+    def refusing(*given: object, **named: object) -> Identification:
+        if given[3] == "coulomb_viscous":
             raise InputError("identification", "no candidate can be compared", "a longer run")
-        return identify(*given)  # type: ignore[arg-type]
+        return identify(*given, **named)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(first_axis, "LAWS", ("coulomb_viscous", "lugre"))
-    monkeypatch.setattr(comparison, "identify", refusing)
+    monkeypatch.setattr(first_axis, "LAWS", ("coulomb_viscous", "stribeck_static"))
+    monkeypatch.setattr(first_axis, "identify", refusing)
     random, path = np.random.default_rng(0), tmp_path / "axis.yaml"
     t = np.arange(2000) / 100.0
     position = 7.3e-5 * t + 5e-8 * random.standard_normal(len(t))
@@ -216,8 +223,11 @@ def test_what_tracks_slowly_one_way_gives_a_file_that_says_what_it_cannot_tell(
     assert main(["new", str(tmp_path / "bag"), "-o", str(path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["laws"][0]["rmse"]["held_out"] is None
-    assert "not determined by this motion: coulomb, viscous of coulomb_viscous" in told["doubts"]
-    assert "lugre not fitted" in path.read_text()
+    assert told["law"] == "stribeck_static"
+    assert any(line.startswith("not determined by this motion: ") for line in told["doubts"])
+    assert any(line.startswith("the sign of the torque is not told: ") for line in told["doubts"])
+    assert any(line.startswith("the axis goes one way only") for line in told["doubts"])
+    assert "coulomb_viscous not fitted" in path.read_text()
 
 
 def test_comments_stand_behind_the_values_that_they_are_about() -> None:
@@ -226,6 +236,26 @@ def test_comments_stand_behind_the_values_that_they_are_about() -> None:
     found = {line.partition("#")[2].strip(): line.partition("#")[0].strip() for line in text.splitlines() if "#" in line}
     assert found == {"Head.": "", "one": "x: 1.23457", "two": "x: 2.0", "three": "x: 3.0"}
     assert yaml.safe_load(text) == {"a": {"x": 1.23457, "b": {"x": 2.0}}, "x": 3.0}
+
+
+def test_irregular_stamps_leave_the_sensors_noise_as_it_is(shared_data: Path, tmp_path: Path) -> None:
+    """A log with 20 % jitter and gaps, of which the encoder's noise is 1e-7 rad and the controller's period 4 ms."""
+    path, recorded = tmp_path / "axis.yaml", shared_data / "inputs" / "timing" / "w11_irregular_missing_1" / "bag"
+    assert main(["new", str(recorded), "-o", str(path)]) == 0
+    file = load_axis(path)
+    assert file.axis.sensors.noise == pytest.approx(1e-7, rel=0.1)
+    assert file.axis.drive.noise_bandwidth > 1.0
+    assert file.control is not None
+    assert file.control.loop.period == 0.004
+
+
+def test_a_passive_damper_keeps_its_sign_and_has_its_friction(shared_data: Path, tmp_path: Path) -> None:
+    path = tmp_path / "axis.yaml"
+    assert main(["new", str(shared_data / "inputs" / "intake" / "friction_damper.csv"), "-o", str(path)]) == 0
+    file = load_axis(path)
+    assert file.signals is not None
+    assert file.signals.torque.scale == 1.0
+    assert 14e3 < file.axis.friction.values["coulomb"] < 18e3
 
 
 DIAGNOSED = "bam_sin_sin_kp800"

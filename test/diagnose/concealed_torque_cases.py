@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
+from tcs_friction.conditioning.data_set import DataSet, Stretch
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, least_squares, settle, under
 from tcs_friction.diagnose.fit.noise import NoiseModel, white_noise

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from closed_loop_cases import telescope
 
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import fit_jointly, settle
 from tcs_friction.diagnose.fit.noise import white_noise

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile, load_axis, shipped
 from tcs_friction.control.loop import LoopRun, simulate_loop
 from tcs_friction.control.reference import Legs, Reference
-from tcs_friction.diagnose.dataset.data_set import DataSet
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.outcome.closed_loop import ClosedLoop, closed_loop
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect

@@ -9,7 +9,7 @@ import pytest
 from closed_loop_cases import telescope
 from open_loop_cases import axis, item
 
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias, attenuation_bias
 from tcs_friction.diagnose.fit.joint_fit import fit_untimed, settle

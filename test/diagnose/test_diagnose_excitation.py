@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from open_loop_cases import PERIOD, along, axis, conditioned, item, recorded, scaled
 
-from tcs_friction.diagnose.dataset.checks import check_units
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.conditioning.checks import check_units
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.dataset.excitation import barred, count_reversals, lacking, limits, passed_once
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.errors import InputError
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Need

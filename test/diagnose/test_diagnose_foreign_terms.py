@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.excitation import barred, lacking
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Diagnosis

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from open_loop_cases import axis, conditioned, item, recorded
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.outcome.free_run import (
     free_run,
     moves_worse,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import settle
 from tcs_friction.diagnose.fit.noise import white_noise

@@ -13,10 +13,10 @@ from closed_loop_cases import telescope_file
 from concealed_torque_cases import conditioned, settled
 from open_loop_cases import LUGRE, axis
 
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Multisine, Reference
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle, under
 from tcs_friction.diagnose.fit.noise import white_noise

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from concealed_torque_cases import DT, axis, conditioned, settled
 
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.matched_filter import noise_excess, order_spectrum, same_wave

@@ -9,9 +9,9 @@ import pytest
 from closed_loop_cases import telescope, telescope_file
 from concealed_torque_cases import conditioned, settled, unfitted
 
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose import pipeline
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import settle
 from tcs_friction.diagnose.fit.noise import white_noise

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from concealed_torque_cases import Motion, axis, conditioned, selected, settled, unfitted
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.diagnose.dataset.excitation import period, turns
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle

@@ -9,10 +9,10 @@ import pytest
 from concealed_torque_cases import DT, conditioned, settled
 from scipy import ndimage
 
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import load_axis
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Reference, Sinusoid
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import least_squares, settle
 from tcs_friction.diagnose.fit.noise import white_noise

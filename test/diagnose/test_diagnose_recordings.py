@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import load_axis
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import settle
 from tcs_friction.diagnose.fit.noise import white_noise

@@ -12,8 +12,8 @@ from closed_loop_cases import telescope
 from concealed_torque_cases import Motion, Torque, conditioned, settled, unfitted
 from open_loop_cases import recorded
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcs_friction.identify.motion import FrictionSeries
+from tcs_friction.conditioning.motion import FrictionSeries
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law

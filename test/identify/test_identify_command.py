@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,7 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
         ([bag, "--axis", axis, "--bandwidth", "-3"], "bandwidth"),
         ([str(tmp_path / "none"), "--axis", axis], "none"),
         ([bag, "--axis", axis, "--swarm", "population=40"], "method default"),
+        ([bag, "--axis", axis, "--compare", "--law", "all"], "one law"),
         ([bag, "--axis", axis, "--method", "pso", "--swarm", "populatoin=40"], "population"),
         ([bag, "--axis", axis, "--method", "pso", "--swarm", "population=4.5"], "a whole number"),
         ([bag, "--axis", axis, "--method", "pso", "--swarm", "population=2"], "at least 4"),
@@ -71,10 +73,55 @@ def test_errors_are_one_line(shared_data: Path, tmp_path: Path, capsys: pytest.C
 
 def test_settings_of_a_swarm(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = ["--law", "lugre", "--method", "pso", "--swarm", "population=8", "--swarm", "budget=50"]
-    assert main([*words(shared_data / "data" / "emps", tmp_path), *settings]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed["outcome"] == "budget spent"
+    assert main([*words(shared_data / "data" / "emps", tmp_path), *settings]) == 1
+    captured = capsys.readouterr()
+    printed = json.loads(captured.out)
+    assert (printed["outcome"], printed["minimum"]) == ("budget spent", False)
     assert printed["evaluations"] < 100  # the rest judges what was found
+    last = captured.err.splitlines()[-1]
+    assert last.startswith("tcs-friction: --method pso: the search did not end at a minimum, expected --refine, ")
+    assert json.loads((tmp_path / "identification.json").read_text()) == printed
+    assert load_axis(tmp_path / "axis.yaml").axis.friction.values["coulomb"] == printed["parameters"]["coulomb"]["value"]
+    assert "No value has an interval" in (tmp_path / "report.html").read_text()
+
+
+def test_what_has_no_interval_says_so_on_the_terminal_and_a_switch_gives_it_one(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = [word for word in words(shared_data / "data" / "emps", tmp_path) if word != "--json"]
+    command += ["--law", "coulomb_viscous", "--method", "ga", "--swarm", "population=4", "--swarm", "generations=1"]
+    assert main(command) == 1
+    out = capsys.readouterr().out
+    assert "N s/m, no interval: the search did not end at a minimum\n" in out
+    assert "±" not in out
+    assert "nan" not in out
+    assert main([*command, "--refine"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("±") == 4
+    assert "no interval" not in out
+    assert "inertia and torque constant cannot be told apart" in out, "notes are on the terminal, too"
+
+
+def test_pso_beside_pso_ga(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = [*words(shared_data / "data" / "emps", tmp_path), "--compare"]
+    command += ["--swarm", "population=8", "--swarm", "generations=2", "--law"]
+    assert main([*command, "coulomb_viscous"]) == 0, "the default method, whose result it is, has converged"
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["method"] == "default"
+    hybrid, swarm = printed["compare"]
+    assert (hybrid["method"], swarm["method"]) == ("pso-ga", "pso")
+    assert 0 <= hybrid["evaluations"] - swarm["evaluations"] < 8
+    assert json.loads((tmp_path / "identification.json").read_text())["compare"] == printed["compare"]
+    assert (tmp_path / "searches.png").is_file()
+    assert "PSO-GA beside PSO" in (tmp_path / "report.html").read_text()
+    assert main([*command, "lugre", "--method", "pso-ga"]) == 1
+    hybrid, swarm = json.loads(capsys.readouterr().out)["compare"]
+    command.remove("--json")
+    assert main([*command, "lugre", "--method", "pso-ga"]) == 1
+    out = capsys.readouterr().out
+    assert re.search(r"\nwith as many evaluations +PSO-GA +PSO\n", out)
+    assert re.search(rf"\nevaluations +{hybrid['evaluations']} +{swarm['evaluations']}\n", out)
+    assert re.search(rf"\n  coulomb +{hybrid['values']['coulomb']:.6g} N, no interval", out), "PSO-GA's own result comes first"
 
 
 def test_an_axis_file_without_an_inertia_gets_one(

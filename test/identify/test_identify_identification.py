@@ -11,11 +11,11 @@ import pytest
 from identify_cases import INERTIA, LUGRE, PERIOD, SPEED, axis_of, recording, series, walked
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
+from tcs_friction.conditioning.motion import FrictionSeries, prepare
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.identify.comparison import compare_laws
 from tcs_friction.identify.identification import IdentifyOptions, identified_axis, identify
-from tcs_friction.identify.motion import FrictionSeries, prepare
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.registry import effect

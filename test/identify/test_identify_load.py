@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from identify_cases import INERTIA, PERIOD, SPEED, axis_of
 
+from tcs_friction.conditioning.motion import prepare
 from tcs_friction.identify.determined import Verdicts, judge
-from tcs_friction.identify.motion import prepare
 from tcs_friction.identify.problem import Problem, pose
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.physics.axis import Axis
@@ -49,7 +49,7 @@ def bam_recording(load: Instance, noise: float = 1.0) -> Recording:
 
 def judged(axis: Axis, data: Recording) -> tuple[Problem, Verdicts]:
     problem = pose(axis, prepare([data]))
-    space = space_of(problem, True, True)
+    space = space_of(problem, True, True, False)
     start = believed_start(problem)
     return problem, judge(problem, start, space, axis.friction.values, "squares", True, {})
 

@@ -9,14 +9,15 @@ import pytest
 from identify_cases import INERTIA, LUGRE, axis_of
 
 from benchmarks import accuracy, law_axes
+from tcs_friction.conditioning.hold import LoggedTorque
+from tcs_friction.conditioning.motion import prepare, windows
 from tcs_friction.control.loop import LoopRun
 from tcs_friction.identify import forced_kernel, identification
 from tcs_friction.identify.identification import identify
-from tcs_friction.identify.motion import prepare, windows
 from tcs_friction.identify.prediction import ForcedPredictor
 from tcs_friction.identify.prediction_kernel import LANES, SLOW, predict
 from tcs_friction.identify.problem import pose, settled
-from tcs_friction.identify.sharpen import widened
+from tcs_friction.identify.sharpen import Sharpened, widened
 from tcs_friction.identify.start import space_of
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
@@ -24,7 +25,8 @@ from tcs_friction.recording.recording import Recording
 
 DT = 1e-3
 DRIVEN = np.array([[DT**2 / 3.0, DT / 2.0], [DT / 2.0, 1.0]])  # of velocity and itself, by a random acceleration
-CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 0.4 * DT, 60.0, 2e-4, 5e-8, 1e-4])
+CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 60.0, 2e-4, 5e-8, 1e-4, 1.0])
+LATE = 0.4 * DT
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,7 @@ def run() -> LoopRun:
 def after_step(x: np.ndarray, push: float, p: np.ndarray) -> np.ndarray:
     """State a step later: position, velocity, deflection, disturbance."""
     coulomb, static, stribeck, stiffness, damping, viscous, inertia = p[:7]
-    keep, stay = np.exp(-p[9] * DT), np.exp(-SLOW * DT)
+    keep, stay = np.exp(-p[8] * DT), np.exp(-SLOW * DT)
 
     def bristle(v: float) -> float:
         forget = stiffness * abs(v) / (coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2)))
@@ -63,7 +65,7 @@ def measured(
 
 def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same filter with matrices and numerical derivatives, one sample at a time."""
-    offset, delay, rate, size, encoder, drift = p[7:]
+    offset, rate, size, encoder, drift = p[7:12]
     keep = np.exp(-rate * DT)
     power = size**2 * (1.0 - keep**2)
     noise = np.zeros((5, 5))
@@ -77,7 +79,7 @@ def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.nd
         state, spread, error, variance = measured(state, spread, position[k], encoder)
         errors.append(error)
         variances.append(variance)
-        share = delay / DT  # of the step in which the torque before still acts
+        share = LATE / DT  # of the step in which the torque before still acts
         after = torque[min(k + 1, len(torque) - 1)]
         push = (1.0 - share) * after + share * torque[k] - offset
 
@@ -91,12 +93,22 @@ def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.nd
     return np.array(errors), np.array(variances)
 
 
+def pushed(torque: np.ndarray, late: float = LATE) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """firsts, steps, pushes and moves of a torque that was held up to its stamps and acts so much later, a step a sample."""
+    count = len(torque)
+    log = LoggedTorque(np.arange(count) * DT, torque, DT)
+    pushes, _ = log.pushes(np.arange(count) * DT, late - DT)
+    firsts = np.append(np.arange(count), count - 1)
+    return firsts, np.full(count - 1, DT), pushes[None], pushes[None]
+
+
 def test_lanes_equal_a_slow_filter(run: LoopRun) -> None:
     position, torque = run.position[2000:2400] - run.position[2000], run.torque[2000:2400].copy()
     candidates = np.tile(CANDIDATE, (LANES + 1, 1))
     candidates[:, 3] *= np.linspace(0.8, 1.2, LANES + 1)
     errors, variances = np.empty((LANES + 1, 400)), np.empty((LANES + 1, 400))
-    predict(position, torque, np.cumsum(torque) * DT, np.array([0, 400]), DT, candidates, errors, variances)
+    row = np.zeros(LANES + 1, dtype=np.int64)
+    predict(position, np.array([0, 400]), *pushed(torque), row, candidates, errors, variances)
     for k in (0, LANES):
         expected, spread = slow(position, torque, candidates[k])
         assert variances[k, 5:] == pytest.approx(spread[5:], rel=1e-2)
@@ -105,15 +117,30 @@ def test_lanes_equal_a_slow_filter(run: LoopRun) -> None:
 
 def test_each_stretch_starts_afresh(run: LoopRun) -> None:
     position, torque = run.position[1000:2000] - run.position[1000], run.torque[1000:2000].copy()
-    impulse = np.cumsum(torque) * DT
     both, second = np.empty((2, 1, 1000)), np.empty((2, 1, 500))
-    predict(position, torque, impulse, np.array([0, 500, 1000]), DT, CANDIDATE[None], *both)
-    predict(
-        position[500:].copy(), torque[500:].copy(), np.cumsum(torque[500:]) * DT, np.array([0, 500]), DT,
-        CANDIDATE[None], *second,
-    )  # fmt: skip
+    one = np.zeros(1, dtype=np.int64)
+    predict(position, np.array([0, 500, 1000]), *pushed(torque), one, CANDIDATE[None], *both)
+    later = [values[..., 500:] for values in pushed(torque)]
+    predict(position[500:].copy(), np.array([0, 500]), later[0] - 500, *later[1:], one, CANDIDATE[None], *second)
     assert both[0, 0, 502:] == pytest.approx(second[0, 0, 2:], abs=1e-11)
     assert both[1, 0, 502:] == pytest.approx(second[1, 0, 2:], rel=1e-6)
+
+
+def test_halved_steps_of_a_walk_predict_alike(run: LoopRun) -> None:
+    """The midpoint rule's error falls with the square of its step; a torque that changes within a sample is walked exactly."""
+    position, torque = run.position[2000:4000] - run.position[2000], run.torque[2000:4000].copy()
+    log = LoggedTorque(np.arange(2000) * DT, torque, DT)
+    errors = []
+    for parts in (1, 2, 4):
+        firsts = np.append(np.arange(2000), 1999) * parts
+        steps = np.full(1999 * parts, DT / parts)
+        pushes, moves = log.pushes(np.arange(1999 * parts + 1) * (DT / parts), LATE - DT)
+        out = np.empty((2, 1, 2000))
+        row = np.zeros(1, np.int64)
+        predict(position, np.array([0, 2000]), firsts, steps, pushes[None], moves[None], row, CANDIDATE[None], *out)
+        errors.append(out[0, 0, 500:])
+    first, second = (float(np.abs(errors[k] - errors[2]).max()) for k in (0, 1))
+    assert second < 0.5 * first < 0.1 * float(np.std(errors[2]))
 
 
 def test_intervals_hold_and_errors_stay_at_the_bound() -> None:
@@ -164,8 +191,8 @@ def slipping() -> tuple[ForcedPredictor, np.ndarray]:
     values = np.array([axis.friction.values[p.name] for p in axis.friction.term.parameters])
     fine = settled(problem, values).fine
     assert fine is not None
-    size = len(values) + 2
-    space = widened(space_of(problem, True, True).first(size))
+    size = len(values) + 3
+    space = widened(space_of(problem, True, True, True).first(size))
     return ForcedPredictor(fine, space), np.array([*values, axis.inertia, 0.0, 0.0, 60.0, 2e-4, 1e-5])
 
 
@@ -176,9 +203,9 @@ def test_the_slope_of_friction_with_a_memory_is_that_of_its_level(
     predictor, unknowns = slipping
     coulomb, static, fall, _, _, viscous = unknowns[:6]
     predictor.weigh(unknowns)
-    velocity = predictor.fine.velocity
+    velocity = predictor.fine.samples.at(predictor.fine.velocity)
     drop = (static - coulomb) * np.exp(-((velocity / fall) ** 2))
-    friction = predictor.fine.model.torque(unknowns[:7], np.zeros(0))[predictor.fine.places]
+    friction = predictor.fine.samples.at(predictor.fine.model.torque(unknowns[:7], np.zeros(0)))
     slides = np.abs(np.abs(friction) - (coulomb + drop + viscous * np.abs(velocity))) < 1e-9 * coulomb
     slides &= np.abs(velocity) < 2.0 * fall
     assert np.count_nonzero(slides) > 1000
@@ -219,8 +246,11 @@ def test_a_late_log_is_found_and_does_no_harm() -> None:
     early = Recording(run.t[late:], run.position[late:] * 1.0, np.roll(run.torque, -late)[late:])
     believed = accuracy.believed(axis, random)
     plain, shifted = identify([record], believed), identify([early], replace(believed, actuation_delay=5e-3))
-    note = next(line for line in shifted.notes if "ms after its stamp" in line)
-    assert float(note.split("acts ")[1].split(" ms")[0]) == pytest.approx(7.0, abs=0.5)
+    assert plain.timing is not None
+    assert shifted.timing is not None
+    assert plain.timing.acts.value == pytest.approx(-DT, abs=0.3 * DT)
+    total = shifted.timing.acts.value + shifted.timing.delay
+    assert total - plain.timing.acts.value == pytest.approx(7.0 * DT, abs=0.5 * DT)
     assert shifted.inertia.value == pytest.approx(plain.inertia.value, abs=2.0 * plain.inertia.std)
 
 
@@ -228,6 +258,7 @@ def test_predictions_that_contradict_the_torques_are_dropped(
     run: LoopRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(identification, "WORSE", 0.0)
+    monkeypatch.setattr(Sharpened, "sound", False)
     found = identify([Recording(run.t, run.position, run.torque)], axis_of())
     assert identification.CONTRADICTED in found.notes
     assert found.rmse.train < 0.5
@@ -237,10 +268,10 @@ def test_a_long_recording_is_predicted_in_windows(run: LoopRun) -> None:
     motion = prepare([Recording(run.t, run.position, run.torque)])
     part = windows(motion, 5000, 1000)
     assert len(part) == part.bounds[-1] <= 6000
-    assert (np.diff(part.bounds) == 1000).all()
-    assert part.raw is not None
-    index = np.searchsorted(motion.t, part.t)
-    assert (motion.raw[:, index] == part.raw).all()  # type: ignore[index]
+    assert all(len(grid.t) == 1000 for grid in part.grids[:-1])
+    for grid in part.grids:
+        first = int(np.searchsorted(run.t, grid.t[0]))
+        assert (grid.position == run.position[first : first + 1000]).all()
     assert len(part.sources) == len(part.stretches)
     assert windows(motion, len(motion), 1000) is motion
 
@@ -248,12 +279,13 @@ def test_a_long_recording_is_predicted_in_windows(run: LoopRun) -> None:
 def test_only_runs_that_are_long_enough_are_predicted(run: LoopRun) -> None:
     fine = pose(axis_of(), prepare([Recording(run.t, run.position, run.torque)])).fine
     assert fine is not None
-    mask = np.zeros(len(fine.position), dtype=bool)
+    mask = np.zeros(len(fine.samples), dtype=bool)
     mask[100:150] = mask[1000:1200] = mask[3000:3300] = True
     part = fine.only(mask)
     assert part is not None
-    assert part.bounds.tolist() == [0, 200, 500]
-    assert part.places[[0, 199, 200]].tolist() == fine.places[[1000, 1199, 3000]].tolist()
+    assert part.samples.bounds.tolist() == [0, 200, 500]
+    assert part.samples.before[[0, 199, 200]].tolist() == fine.samples.before[[1000, 1199, 3000]].tolist()
+    assert part.samples.steps[[0, 199, 200, 499]].tolist() == pytest.approx([DT, 0.0, DT, 0.0])
     assert fine.only(np.zeros_like(mask)) is None
 
 
@@ -297,13 +329,13 @@ def test_known_friction_drives_a_slow_filter_alike(run: LoopRun) -> None:
     position, torque = run.position[2000:2300] - run.position[2000], run.torque[2000:2300].copy()
     velocity = np.gradient(position, DT)
     friction, slope = 80.0 + 500.0 * velocity, np.linspace(-2e4, 4e4, 300)
-    candidates = np.array(
-        [[1000.0, 1.5, 0.0, 60.0, 2e-4, 5e-8, 1e-4], [900.0, 0.0, 0.0, 30.0, 3e-4, 6e-8, 2e-4]]
-    )
+    candidates = np.array([[1000.0, 1.5, 60.0, 2e-4, 5e-8, 1e-4], [900.0, 0.0, 30.0, 3e-4, 6e-8, 2e-4]])
     errors, variances = np.empty((2, 300)), np.empty((2, 300))
+    push = np.append(torque[1:], 0.0)[None]
+    steps = np.append(np.full(299, DT), 0.0)
     forced_kernel.predict(
-        position, torque, np.cumsum(torque) * DT, np.vstack([friction, 1.1 * friction]), np.array([1, 0]), velocity, slope,
-        np.array([0, 300]), DT, candidates, errors, variances,
+        position, np.array([0, 300]), steps, push, push, np.array([0, 0]), np.vstack([friction, 1.1 * friction]),
+        np.array([1, 0]), velocity, slope, candidates, errors, variances,
     )  # fmt: skip
     for k, scale in enumerate((1.1, 1.0)):
         inertia, offset = candidates[k, :2]
@@ -311,7 +343,7 @@ def test_known_friction_drives_a_slow_filter_alike(run: LoopRun) -> None:
         pull = 0.5 * scale * (friction[1:] + friction[:-1]) - drag * inertia * 0.5 * (
             velocity[1:] + velocity[:-1]
         )
-        expected, spread = forced(position, (torque[1:] - offset - pull) / inertia, drag, candidates[k, 3:])
+        expected, spread = forced(position, (torque[1:] - offset - pull) / inertia, drag, candidates[k, 2:])
         assert variances[k] == pytest.approx(spread, rel=1e-6)
         assert errors[k] == pytest.approx(expected, rel=1e-3, abs=1e-3 * np.sqrt(spread[-1]))
 
@@ -334,7 +366,7 @@ def test_what_a_recording_starts_with_is_not_compared() -> None:
     assert travel[first] == pytest.approx(longest, rel=0.3)
     assert less.fine is not None
     assert problem.fine is not None
-    assert len(less.fine.position) < len(problem.fine.position)
+    assert len(less.fine.samples) < len(problem.fine.samples)
 
 
 def test_a_law_without_memory_is_not_asked_about_torque_at_rest() -> None:

@@ -15,6 +15,7 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 
 from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
+from tcs_friction.diagnose.outcome.result import SCHEMA
 from tcs_friction.nodes.graph import GRAPH
 from tcs_friction.nodes.jobs import Waiter
 from tcs_friction.nodes.journal import STATE
@@ -58,6 +59,7 @@ class Found:
         self.statement = f"found {', '.join(name for name, _ in effects) or 'nothing'}"
         self.effects: list[Any] = []
         self.content = {
+            "schema": SCHEMA,
             "effects": [
                 {"effect": name, "parameters": {key: {"value": value, "std": 0.01} for key, value in values.items()}}
                 for name, values in effects

@@ -165,6 +165,9 @@ def test_the_whole_loop_measures_identifies_compensates_and_gets_better(
     assert (content["found"], content["effects"]) == (None, [])
     names = {path.name for path in directory.iterdir()}
     assert {"before", "measure", "after", "identification.json", "axis.yaml", "report.html"} <= names
+    own = directory / "identification"
+    assert {"report.html", "friction_speed.png"} <= {path.name for path in own.iterdir()}, "as the command makes it"
+    assert (own / "identification.json").read_text() == (directory / "identification.json").read_text()
     signals = load_axis(directory / "axis.yaml").signals
     assert signals is not None
     for name in ("before", "measure", "after"):

@@ -11,9 +11,12 @@ import pytest
 from tcs_friction.identify.comparison import Comparison, Row
 from tcs_friction.identify.conclusions import IDENTIFIED
 from tcs_friction.identify.refine import Outcome
-from tcs_friction.identify.result import Errors, Estimate, Fit, Identification
+from tcs_friction.identify.result import RISING, Errors, Estimate, Fit, Identification
+from tcs_friction.identify.searches import Searches
 from tcs_friction.numerics.by_speed import speed_bins, torque_by_speed
-from tcs_friction.report.identification import sentence, write_report
+from tcs_friction.report.identification import parameter_table, sentence, write_report
+from tcs_friction.report.plot import Spacing
+from tcs_friction.report.searches import draw_searches
 
 T = np.linspace(0.0, 20.0, 2000)
 VELOCITY = 0.1 * np.sin(T)
@@ -99,3 +102,34 @@ def test_friction_against_speed_comes_first_in_the_units_of_the_axis(found: Iden
 def test_without_motion_there_is_no_friction_against_speed(found: Identification, tmp_path: Path) -> None:
     document = write_report(tmp_path, replace(found, by_speed=None)).read_text(encoding="utf-8")
     assert "Friction against speed" not in document
+
+
+def test_searches_are_drawn_over_their_evaluations(found: Identification, tmp_path: Path) -> None:
+    evaluated = 60 * np.arange(1, 21)
+    hybrid = replace(found, method="pso-ga", evaluated=evaluated)
+    swarm = replace(found, method="pso", evaluated=evaluated, history=2.0 * found.history)
+    searches = Searches({"pso-ga": hybrid, "pso": swarm})
+    plot = draw_searches(searches).plot
+    assert plot is not None
+    (panel,) = plot.panels
+    assert (panel.x.label, panel.y.label, panel.y.spacing) == ("evaluations of the cost", "best cost ((N)²)", Spacing.LOG)
+    names = {curve.name.partition(":")[0]: curve for curve in panel.curves}
+    assert names["PSO-GA"].x.tolist() == evaluated.tolist()
+    assert names["PSO"].y.tolist() == (2.0 * found.history).tolist()
+    assert all(curve.name.endswith("N rms") for curve in panel.curves)
+    document = write_report(tmp_path, found, (), None, searches).read_text(encoding="utf-8")
+    assert "PSO-GA beside PSO" in document
+    assert ">1,200<" in document
+    assert (tmp_path / "searches.png").is_file()
+
+
+def test_a_page_says_that_there_is_no_interval_and_no_stiction(found: Identification) -> None:
+    lost = {name: replace(item, std=float("nan")) for name, item in found.parameters.items()}
+    shown = replace(found, parameters=lost, minimum=False, notes=(f"{RISING}: static 3 N is below coulomb 17 N",))
+    words = sentence(shown)
+    assert "Friction rises with speed; no stiction." in words
+    assert words.endswith("No value has an interval: the search did not end at a minimum.")
+    assert ">20.39<" in parameter_table(shown)
+    assert "nan" not in parameter_table(shown)
+    assert "Friction rises" not in sentence(found)
+    assert "interval" not in sentence(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.physics.axis import Axis
 
 UNITS = {

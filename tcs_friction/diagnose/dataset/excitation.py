@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from tcs_friction.conditioning.data_set import DataSet, Stretch
 from tcs_friction.diagnose.dataset.coordinates import unit_of
-from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effects
 from tcs_friction.physics.terms import Instance, Need

@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
-from tcs_friction.diagnose.dataset.filters import through
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.filters import through
 from tcs_friction.diagnose.fit.noise import NoiseModel, Squares, compared_samples
 from tcs_friction.diagnose.fit.parameters import Form, FreeNumber, Part, bound_reached, free_parameters, moved
 from tcs_friction.diagnose.fit.repeatable import RepeatablePart

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import fft, ndimage
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.diagnose.fit.errors_in_variables import AttenuationBias
 
 MOST_TRIMMED = 0.01  # of the train data: the ends of a recording of minutes are less

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg, sparse
 
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.diagnose.dataset.basis import hats
-from tcs_friction.diagnose.dataset.data_set import DataSet
 
 SAMPLES_PER_NODE = 60.0  # effective ones, for each node over the position: the fit takes less than 2 % of the noise
 FEWEST_NODES, MOST_NODES = 4, 24  # over the position

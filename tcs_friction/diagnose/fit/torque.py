@@ -18,8 +18,8 @@ from threading import Lock
 import numpy as np
 from scipy import ndimage
 
-from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
-from tcs_friction.diagnose.dataset.filters import through
+from tcs_friction.conditioning.data_set import DataSet, Stretch
+from tcs_friction.conditioning.filters import through
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
+from tcs_friction.conditioning.data_set import DataSet, Stretch
 from tcs_friction.config import AxisFile, Control
 from tcs_friction.control.loop import Cancellation, LoopRun, simulate_loop, ticks
 from tcs_friction.control.model_compensator import signals_of
-from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
 from tcs_friction.diagnose.fit.balance import rms
 from tcs_friction.diagnose.outcome.free_run import held_out_windows
 from tcs_friction.errors import TcsError

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.dataset.coordinates import unit_of
-from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.fit.parameters import FreeNumber, free_parameters, moved
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from scipy import stats
 
-from tcs_friction.diagnose.dataset.data_set import DataSet, Stretch
+from tcs_friction.conditioning.data_set import DataSet, Stretch
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis

@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse, stats
 
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.diagnose.dataset.basis import hats
 from tcs_friction.diagnose.dataset.coordinates import values_of
-from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.physics.terms import Instance
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.diagnose.dataset.coordinates import unit_of, values_of
-from tcs_friction.diagnose.dataset.data_set import DataSet
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from tcs_friction.conditioning.motion import FrictionSeries
 from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
 from tcs_friction.control.loop import LoopRun
 from tcs_friction.identify.cost import Box
 from tcs_friction.identify.identification import IdentifyOptions, identify
-from tcs_friction.identify.motion import FrictionSeries
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Identification

@@ -17,10 +17,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import opposing_torque
 
 FEWEST_POSITIONS = 20  # different ones; the encoder of an axis that only chatters shows two or three
 FEWEST_SAMPLES = 10  # of a segment, from which a drift between position and velocity is told
@@ -94,8 +95,7 @@ def check_units(data: DataSet, axis: Axis) -> None:
         return
     inertia, level = balance
     if inertia < 0.0 and level < 0.0:
-        found = "it opposes every motion that it should drive"
-        raise InputError("signal torque", found, "the other sign (scale: -1.0)")
+        raise opposing_torque()
     known = 1.0 / LEVEL_KNOWN < level / max(axis.dry_level, LEAST_LEVEL) < LEVEL_KNOWN
     if inertia <= 0.0 or level <= 0.0 or not known:
         return

@@ -6,7 +6,7 @@ In: a series (n,) at even steps. Out: the same samples low-passed and differenti
 
 which is a fourth-order Butterworth low pass run forwards and backwards, and its exact time derivatives: differences between
 samples would attenuate a velocity near the band's edge. An identification runs the same attenuation from sample to sample
-(identify.motion), because it passes the torques of candidates through it, too.
+(conditioning.motion), because it passes the torques of candidates through it, too.
 """
 
 from __future__ import annotations

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from open_loop_cases import LUGRE, PERIOD, axis, recorded, scaled
 
+from tcs_friction.conditioning.checks import check_units, plain_balance
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.config import AxisFile, load_axis
-from tcs_friction.diagnose.dataset.checks import check_units, plain_balance
-from tcs_friction.diagnose.dataset.data_set import DataSet
-from tcs_friction.diagnose.dataset.preprocessing import prepare
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.dataset.preprocessing import prepare
-from tcs_friction.diagnose.dataset.rest import AROUND_REVERSAL, unknown_friction
+from tcs_friction.conditioning.preprocessing import prepare
+from tcs_friction.conditioning.rest import AROUND_REVERSAL, unknown_friction
 from tcs_friction.recording.recording import Recording
 
 DT, CUTOFF, NOISE = 1e-3, 20.0, 1e-8

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.dataset.bands import (
+from tcs_friction.conditioning.bands import (
     HIGHEST_CUTOFF,
     LOWEST_CUTOFF,
     PASSED,

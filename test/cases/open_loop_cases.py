@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset.data_set import DataSet
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.simulate import simulate_open_loop

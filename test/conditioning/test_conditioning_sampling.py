@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcs_friction.numerics.noise import derivative_noise
-from tcs_friction.numerics.sampling import jitter, resampled
+from tcs_friction.conditioning.sampling import jitter, resampled
+from tcs_friction.conditioning.white_noise import derivative_noise
 
 
 def test_an_uneven_series_comes_out_even() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.dataset.filters import low_pass, through
+from tcs_friction.conditioning.filters import low_pass, through
 
 
 def test_derivatives_of_the_low_pass_are_those_of_the_signal() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from open_loop_cases import axis, recorded
 from scipy import ndimage
 
-from tcs_friction.diagnose.dataset.hold_out import (
+from tcs_friction.conditioning.hold_out import (
     MOST_BLOCKS,
     MOST_UNKNOWN,
     SHARE,
@@ -18,7 +18,7 @@ from tcs_friction.diagnose.dataset.hold_out import (
     held_out,
     unknown,
 )
-from tcs_friction.diagnose.dataset.preprocessing import prepare
+from tcs_friction.conditioning.preprocessing import prepare
 
 SIZES = st.lists(st.integers(100, 5000), min_size=1, max_size=5)
 

@@ -3,7 +3,7 @@
 Velocity and acceleration come from the position by a zero-phase low pass and central differences; torque passes the same low
 pass. The pass band ends where the position's own noise begins, so that the acceleration does not drown in it.
 
-A diagnosis smooths in the frequency domain, with the same attenuation (diagnose.dataset.filters). An identification needs a
+A diagnosis smooths in the frequency domain, with the same attenuation (conditioning.filters). An identification needs a
 filter that runs from sample to sample: its search passes the torque of every candidate through the same sections as the measured
 one.
 """
@@ -15,12 +15,15 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d, median_filter
-from scipy.signal import butter, sosfiltfilt, welch
+from scipy.signal import butter, welch
 
+from tcs_friction.conditioning.filters import low_pass
+from tcs_friction.conditioning.hold import Between, LoggedTorque, logged
+from tcs_friction.conditioning.sampling import even, resampled
+from tcs_friction.conditioning.white_noise import derivative_noise
 from tcs_friction.errors import InputError
-from tcs_friction.numerics.noise import derivative_noise
-from tcs_friction.numerics.sampling import jitter, resampled
 from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
@@ -33,9 +36,8 @@ UNSURE = 0.02  # of the range of positions: travel after a start within which a 
 SPIKE_WINDOW = 9  # samples
 SPIKE = 8.0  # robust standard deviations
 FILTER_ORDER = 4
+FINER = 4  # times the rate, at which a torque's integral is taken: the images of a hold stay out of what is compared
 EDGE = 1.5  # cycles of the low pass' bandwidth over which it mixes what is apart
-UNIFORM = 0.01  # relative jitter of the steps above which samples are moved onto a regular grid
-JITTER_QUANTILE = 0.9  # of the steps, that must be as even: a few that are not distort nothing that the low pass lets through
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,34 @@ class FrictionSeries:
 Data = Recording | FrictionSeries
 
 
+@dataclass(frozen=True)
+class Timing:
+    """When a logged torque begins to act, s after its stamp, and what it does between (see `conditioning.hold`)."""
+
+    acts: float
+    between: Between = Between.HELD
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """One stretch: columns on even steps (t, position, temperature if recorded, exogenous signals), and as it was recorded.
+
+    source: which recording it is from. t (m,) s and position (m,) rad as recorded; logged: the torque.
+    """
+
+    source: int
+    columns: Mapping[str, np.ndarray]
+    t: np.ndarray
+    position: np.ndarray
+    logged: LoggedTorque
+
+    def window(self, first: int, last: int) -> Grid:
+        """The even samples from `first` up to `last`, and what was recorded in their time; the torque is that of all."""
+        columns = {name: values[first:last] for name, values in self.columns.items()}
+        inside = slice(*np.searchsorted(self.t, [columns["t"][0] - 1e-9, columns["t"][-1] + 1e-9]).tolist())
+        return replace(self, columns=columns, t=self.t[inside], position=self.position[inside])
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Regularly sampled motion and torque of one or several stretches, one after the other.
@@ -116,8 +146,9 @@ class Motion:
     sources: tuple[int, ...] = ()  # which recording each stretch is from
     notes: tuple[str, ...] = ()
     filtered: float = 0.0  # Hz, of the observer's filter that the torque has passed, its lag at low frequency taken out; 0: none
-    raw: np.ndarray | None = None  # (2, n) position and torque before the low pass; None where there was none
     density: float = 0.0  # rad^2/Hz, one-sided, of the position's noise
+    grids: tuple[Grid, ...] = ()  # what the stretches were made of; none where that is not known
+    timing: Timing = Timing(0.0)  # with which the torque was taken from the log
 
     def __len__(self) -> int:
         return len(self.t)
@@ -146,7 +177,9 @@ class Motion:
         return bool((self.velocity > self.resolution).any() and (self.velocity < -self.resolution).any())
 
 
-def prepare(data: Sequence[Data], bandwidth: float | None = None, despike: bool = False) -> Motion:
+def prepare(
+    data: Sequence[Data], bandwidth: float | None = None, despike: bool = False, timing: Timing | None = None
+) -> Motion:
     """Smooth the recordings, or take the friction series as they are, into one Motion.
 
     Parameters
@@ -154,6 +187,7 @@ def prepare(data: Sequence[Data], bandwidth: float | None = None, despike: bool 
     data: recordings or friction series, not mixed.
     bandwidth: of the low pass, Hz; chosen from the position's noise when None.
     despike: replace single wild torque samples of recordings before the low pass spreads them.
+    timing: of the logged torque; None: its values act at their stamps, in the middle of the period that they are held.
 
     Raises InputError when there is nothing long enough to filter.
     """
@@ -163,7 +197,7 @@ def prepare(data: Sequence[Data], bandwidth: float | None = None, despike: bool 
     recordings = [item for item in data if isinstance(item, Recording)]
     if series and recordings:
         raise InputError("identification", "recordings and friction series together", "one kind of data")
-    return _from_series(series) if series else _from_recordings(recordings, bandwidth, despike)
+    return _from_series(series) if series else _from_recordings(recordings, bandwidth, despike, timing)
 
 
 def _from_series(series: Sequence[FrictionSeries]) -> Motion:
@@ -198,83 +232,78 @@ def _roughness(values: np.ndarray) -> float:
     return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(20.0)) if len(differences) else 0.0
 
 
-def _from_recordings(recordings: Sequence[Recording], bandwidth: float | None, despike: bool) -> Motion:
+def _from_recordings(
+    recordings: Sequence[Recording], bandwidth: float | None, despike: bool, timing: Timing | None
+) -> Motion:
     steps = np.concatenate([np.diff(item.t[part]) for item in recordings for part in item.segments])
     rate = 1.0 / float(np.median(steps))
-    grids = [(k, _regular(item, part, rate)) for k, item in enumerate(recordings) for part in item.segments]
-    grids = [(k, columns) for k, columns in grids if len(columns["t"]) >= LEAST_SAMPLES]
+    grids = [_grid(k, item, part, rate) for k, item in enumerate(recordings) for part in item.segments]
+    grids = [grid for grid in grids if len(grid.columns["t"]) >= LEAST_SAMPLES]
     if not grids:
         raise InputError(
             recordings[0].source, "every stretch is too short", f"{LEAST_SAMPLES} samples without a gap"
         )
     notes = []
     if despike:
-        cleaned = [without_spikes(columns["torque"]) for _, columns in grids]
+        cleaned = [without_spikes(grid.logged.values) for grid in grids]
         grids = [
-            (k, {**columns, "torque": torque})
-            for (k, columns), (torque, _) in zip(grids, cleaned, strict=True)
+            replace(grid, logged=replace(grid.logged, values=values))
+            for grid, (values, _) in zip(grids, cleaned, strict=True)
         ]
         notes.append(
             f"torque: {sum(count for _, count in cleaned)} wild samples replaced by their neighbours' median"
         )
-    density = float(np.median([noise_density(columns["position"], rate) for _, columns in grids]))
-    chosen = bandwidth or min(useful_bandwidth(columns["position"], rate, density) for _, columns in grids)
+    density = float(np.median([noise_density(grid.columns["position"], rate) for grid in grids]))
+    chosen = bandwidth or min(useful_bandwidth(grid.columns["position"], rate, density) for grid in grids)
     chosen = min(chosen, LARGEST_SHARE * rate)
     notes.append(f"velocity and acceleration: from position, zero-phase low pass at {chosen:.4g} Hz")
-    return _smoothed(grids, rate, chosen, density, tuple(notes))
-
-
-Columns = Mapping[str, np.ndarray]
+    timing = timing or Timing(-0.5 * grids[0].logged.period)
+    return _smoothed(grids, rate, chosen, density, tuple(notes), timing)
 
 
 def _smoothed(
-    grids: Sequence[tuple[int, Columns]],
-    rate: float,
-    bandwidth: float,
-    density: float,
-    notes: tuple[str, ...],
+    grids: Sequence[Grid], rate: float, bandwidth: float, density: float, notes: tuple[str, ...], timing: Timing
 ) -> Motion:
-    """The motion behind a low pass at that bandwidth (Hz), of stretches on a regular grid and which recording they are from."""
-    parts = [smooth(columns, rate, bandwidth) for _, columns in grids]
+    """The motion behind a low pass at that bandwidth (Hz)."""
+    parts = [smooth(grid, rate, bandwidth, timing) for grid in grids]
     joined = {name: np.concatenate([columns[name] for columns in parts]) for name in parts[0]}
     bounds = np.concatenate([[0], np.cumsum([len(columns["t"]) for columns in parts])]).astype(np.int64)
     noise = derivative_noise(density, bandwidth, 1)
-    known = ("t", "position", "velocity", "acceleration", "torque", "raw_position", "raw_torque")
-    exogenous = {name: values for name, values in joined.items() if name not in (*known, "temperature")}
+    known = ("t", "position", "velocity", "acceleration", "torque", "temperature")
+    exogenous = {name: values for name, values in joined.items() if name not in known}
     return Motion(
         joined["t"], joined["position"], joined["velocity"], joined["acceleration"], joined["torque"],
         bounds, rate, bandwidth, noise, False, joined.get("temperature"), MappingProxyType(exogenous),
-        tuple(k for k, _ in grids), notes, raw=np.vstack([joined["raw_position"], joined["raw_torque"]]),
-        density=density,
+        tuple(grid.source for grid in grids), notes, density=density, grids=tuple(grids), timing=timing,
     )  # fmt: skip
 
 
 def resmoothed(motion: Motion, bandwidth: float) -> Motion:
-    """The same recordings behind another low pass, Hz, at most what their rate allows. Raw samples must be known."""
-    position, torque = np.asarray(motion.raw)
-    columns = {"t": motion.t, "position": position, "torque": torque, **motion.exogenous}
-    if motion.temperature is not None:
-        columns["temperature"] = motion.temperature
-    grids = [
-        (source, {name: values[part] for name, values in columns.items()})
-        for part, source in zip(motion.stretches, motion.sources, strict=True)
-    ]
-    return _smoothed(
-        grids, motion.rate, min(bandwidth, LARGEST_SHARE * motion.rate), motion.density, motion.notes
-    )
+    """The same recordings behind another low pass, Hz, at most what their rate allows. Its grids must be known."""
+    band = min(bandwidth, LARGEST_SHARE * motion.rate)
+    return _smoothed(motion.grids, motion.rate, band, motion.density, motion.notes, motion.timing)
 
 
-def _regular(recording: Recording, part: slice, rate: float) -> dict[str, np.ndarray]:
+def timed(motion: Motion, timing: Timing) -> Motion:
+    """The same recordings with another timing of the torque. Its grids must be known."""
+    return _smoothed(motion.grids, motion.rate, motion.bandwidth, motion.density, motion.notes, timing)
+
+
+def _grid(source: int, recording: Recording, part: slice, rate: float) -> Grid:
     """One stretch's signals on a regular grid of that rate; interpolated only if its own steps are uneven or others."""
-    columns = {"t": recording.t[part], "position": recording.position[part], "torque": recording.torque[part]}
+    t, position = recording.t[part], recording.position[part]
+    columns = {"position": position}
     if recording.temperature is not None:
         columns["temperature"] = recording.temperature[part]
     columns.update({name: values[part] for name, values in recording.exogenous.items()})
-    t = columns.pop("t")
-    if np.quantile(jitter(t, rate), JITTER_QUANTILE) <= UNIFORM:
-        return {"t": t, **columns}
-    even, series = resampled(t, np.array(list(columns.values())), rate)
-    return {"t": even, **dict(zip(columns, series, strict=True))}
+    torque = logged(*recording.logged(part))
+    if even(t, rate):
+        return Grid(source, {"t": t, **columns}, t, position, torque)
+    steps, series = resampled(t, np.array(list(columns.values())), rate)
+    smooth_position = CubicSpline(t, position)(steps)
+    return Grid(
+        source, {"t": steps, **dict(zip(columns, series, strict=True)), "position": smooth_position}, t, position, torque
+    )
 
 
 def noise_density(position: np.ndarray, rate: float) -> float:
@@ -302,8 +331,8 @@ def useful_bandwidth(position: np.ndarray, rate: float, noise: float) -> float:
     return float(np.clip(found, min(8.0 * rate / len(position), highest), highest))
 
 
-def low_pass(bandwidth: float, rate: float) -> np.ndarray:
-    """Second-order sections of the low pass; it is run forwards and backwards."""
+def sections(bandwidth: float, rate: float) -> np.ndarray:
+    """Second-order sections of the same low pass from sample to sample; they are run forwards and backwards."""
     return np.asarray(butter(FILTER_ORDER, bandwidth, fs=rate, output="sos"))
 
 
@@ -316,27 +345,30 @@ def without_spikes(values: np.ndarray) -> tuple[np.ndarray, int]:
     return np.where(spikes, middle, values), int(np.count_nonzero(spikes))
 
 
-def smooth(columns: Mapping[str, np.ndarray], rate: float, bandwidth: float) -> dict[str, np.ndarray]:
-    """Zero-phase low pass of every signal, velocity and acceleration by central differences; filtered ends are left out."""
-    sections = low_pass(bandwidth, rate)
-    length = len(columns["t"])
-    edge = min(int(EDGE * rate / bandwidth), length // 4)
-    padding = min(3 * edge, length - 1)
-    result = {name: np.asarray(values) for name, values in columns.items()}
-    for name in columns:
-        if name not in ("t", "temperature"):
-            result[name] = sosfiltfilt(sections, columns[name], padlen=padding)
-    result |= {"raw_position": columns["position"], "raw_torque": columns["torque"]}
-    result["velocity"] = np.gradient(result["position"], 1.0 / rate)
-    result["acceleration"] = np.gradient(result["velocity"], 1.0 / rate)
-    return {name: values[edge : length - edge] for name, values in result.items()}
+def smooth(grid: Grid, rate: float, bandwidth: float, timing: Timing) -> dict[str, np.ndarray]:
+    """Zero-phase low pass of every signal, with exact derivatives of the position; filtered ends are left out.
+
+    The torque is the derivative of its low-passed integral, which is that of what the hold makes of it.
+    """
+    dt, t = 1.0 / rate, grid.columns["t"]
+    edge = min(int(EDGE * rate / bandwidth), len(t) // 4)
+    result = {"t": t}
+    for name, values in grid.columns.items():
+        if name not in ("t", "position"):
+            result[name] = values if name == "temperature" else low_pass(values, dt, bandwidth)[0]
+    motion = low_pass(grid.columns["position"], dt, bandwidth, 2)
+    result |= dict(zip(("position", "velocity", "acceleration"), motion, strict=True))
+    fine = t[0] + np.arange(FINER * (len(t) - 1) + 1) * (dt / FINER)
+    impulse = grid.logged.drawn(timing.between).integrals(fine, timing.acts)[0]
+    result["torque"] = low_pass(impulse, dt / FINER, bandwidth, 1)[1][::FINER]
+    return {name: np.ascontiguousarray(values[edge : len(t) - edge]) for name, values in result.items()}
 
 
 def coarse(motion: Motion, stride: int) -> tuple[np.ndarray, Motion]:
     """Every stride-th sample of each stretch: their indices, and the motion of them alone."""
     kept = [np.arange(part.start, part.stop, stride) for part in motion.stretches]
     chosen = selected(motion, kept, motion.sources)
-    return np.concatenate(kept), replace(chosen, rate=motion.rate / stride, raw=None)
+    return np.concatenate(kept), replace(chosen, rate=motion.rate / stride, grids=())
 
 
 def windows(motion: Motion, samples: int, length: int) -> Motion:
@@ -344,13 +376,13 @@ def windows(motion: Motion, samples: int, length: int) -> Motion:
     if len(motion) <= samples:
         return motion
     apart = max(length, round(len(motion) / max(1, samples // length)))
-    pairs = [
-        (np.arange(a, min(a + length, part.stop)), source)
-        for part, source in zip(motion.stretches, motion.sources, strict=True)
-        for a in range(part.start, part.stop, apart)
+    grids = [
+        grid.window(first, min(first + length, len(grid.columns["t"])))
+        for grid in motion.grids
+        for first in range(0, len(grid.columns["t"]), apart)
     ]
-    kept, sources = zip(*(pair for pair in pairs if len(pair[0]) >= LEAST_SAMPLES), strict=True)
-    return selected(motion, kept, sources)
+    kept = [grid for grid in grids if len(grid.columns["t"]) >= LEAST_SAMPLES]
+    return _smoothed(kept, motion.rate, motion.bandwidth, motion.density, motion.notes, motion.timing)
 
 
 def selected(motion: Motion, kept: Sequence[np.ndarray], sources: tuple[int, ...]) -> Motion:
@@ -366,7 +398,7 @@ def selected(motion: Motion, kept: Sequence[np.ndarray], sources: tuple[int, ...
         temperature=None if motion.temperature is None else motion.temperature[index],
         exogenous={name: values[index] for name, values in motion.exogenous.items()},
         sources=sources,
-        raw=None if motion.raw is None else motion.raw[:, index],
+        grids=(),
     )
 
 

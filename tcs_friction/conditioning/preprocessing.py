@@ -18,14 +18,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tcs_friction.diagnose.dataset import hold_out
-from tcs_friction.diagnose.dataset.bands import Bands, bands, usual_spacing, visible_step
-from tcs_friction.diagnose.dataset.checks import check
-from tcs_friction.diagnose.dataset.data_set import MOVING, DataSet, Stretch
-from tcs_friction.diagnose.dataset.filters import low_pass
-from tcs_friction.diagnose.dataset.rest import unknown_friction
+from tcs_friction.conditioning import hold_out
+from tcs_friction.conditioning.bands import Bands, bands, usual_spacing, visible_step
+from tcs_friction.conditioning.checks import check
+from tcs_friction.conditioning.data_set import MOVING, DataSet, Stretch
+from tcs_friction.conditioning.filters import low_pass
+from tcs_friction.conditioning.rest import unknown_friction
+from tcs_friction.conditioning.sampling import jitter, resampled
 from tcs_friction.errors import InputError
-from tcs_friction.numerics.sampling import jitter, resampled
 from tcs_friction.recording.columns import counted
 from tcs_friction.recording.mending import mendings
 from tcs_friction.recording.recording import Recording

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcs_friction.diagnose.dataset.data_set import MOVING, RESOLVED, DataSet, Stretch
+from tcs_friction.conditioning.data_set import MOVING, RESOLVED, DataSet, Stretch
 
 DT, STRIDE = 2e-3, 2
 

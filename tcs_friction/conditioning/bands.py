@@ -7,7 +7,7 @@ acceleration (2 pi f)^4 S: beyond the frequency at which the position's spectrum
 frequency ends the comparison. Friction is no linear function of the motion: products of it reach up to twice its band. The
 motion is therefore kept in a band MOTION_BAND times as wide, and only the torques that follow from it are narrowed.
 
-The identification estimates density and band in its own way (identify.motion): it needs a band in which every single frequency is
+The identification estimates density and band in its own way (`motion`): it needs a band in which every single frequency is
 above the noise, because one filter serves for motion and torque, where this one may contain gaps in the spectrum of a motion.
 """
 
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage, signal
 
-from tcs_friction.numerics.noise import derivative_noise
+from tcs_friction.conditioning.white_noise import derivative_noise
 
 MOTION_BAND = 2.0  # times the cutoff
 SAMPLES_PER_PERIOD = 3.0  # of a band's edge: Nyquist's 2, and room for a filter to fall in

@@ -1,0 +1,71 @@
+"""What a hold makes of a torque between the samples of a log."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcs_friction.conditioning.hold import Between, LoggedTorque, fresh, logged, stale_stride
+
+RANDOM = np.random.default_rng(0)
+T = np.cumsum(RANDOM.uniform(0.5e-3, 1.5e-3, 200))
+VALUES = RANDOM.standard_normal(200)
+
+
+@pytest.mark.parametrize("between", list(Between))
+@pytest.mark.parametrize("acts", [-2.3e-3, 0.0, 7.1e-3])
+def test_integrals_are_those_of_the_torque(between: Between, acts: float) -> None:
+    """Against a fine sum over what the log says, for any stamps and any timing."""
+    log = LoggedTorque(T, VALUES, 1e-3, between)
+    fine = np.linspace(T[10], T[-10], 400_001)
+    if between is Between.HELD:
+        torque = VALUES[np.searchsorted(T, fine - acts, side="right") - 1]
+    else:
+        torque = np.interp(fine - acts - 0.5e-3, T, VALUES)
+    step = fine[1] - fine[0]
+    impulse = np.concatenate([[0.0], np.cumsum(0.5 * (torque[1:] + torque[:-1])) * step])
+    lever = np.concatenate([[0.0], np.cumsum(0.5 * (impulse[1:] + impulse[:-1])) * step])
+    first, second = log.integrals(fine[::1000], acts)
+    assert first - first[0] == pytest.approx(impulse[::1000], abs=2e-6)
+    apart = fine[::1000] - fine[0]
+    assert second - second[0] - first[0] * apart == pytest.approx(lever[::1000], abs=2e-7)
+
+
+def test_a_push_moves_a_mass_as_the_torque_does() -> None:
+    """Velocity by the mean, position by the constant torque that moves as far: of a torque that changes within the span."""
+    log = LoggedTorque(np.array([0.0, 1.0, 2.0]), np.array([0.0, 3.0, 0.0]), 1.0)
+    mean, moves = log.pushes(np.array([0.5, 1.5]), 0.0)
+    assert mean == pytest.approx([1.5])
+    assert 0.5 * moves == pytest.approx([3.0 * 0.5 * 0.5**2])  # the position after the span, from rest
+
+
+def test_before_and_after_the_log_its_ends_act() -> None:
+    log = LoggedTorque(np.array([0.0, 1.0]), np.array([2.0, 5.0]), 1.0)
+    mean, _ = log.pushes(np.array([-3.0, -2.0, 4.0, 5.0]), 0.0)
+    assert mean[[0, 2]] == pytest.approx([2.0, 5.0])
+
+
+@pytest.mark.parametrize("stride", [2, 5])
+def test_stale_values_are_told_from_fresh_ones(stride: int) -> None:
+    values = np.repeat(RANDOM.standard_normal(100), stride)
+    t = np.arange(len(values)) * 1e-3
+    assert stale_stride(values) == stride
+    assert (fresh(t, values) % stride == 0).all()
+    line = LoggedTorque(t, values, 1e-3).drawn(Between.LINE)
+    assert line.period == pytest.approx(stride * 1e-3)
+    assert len(line.t) == 100
+
+
+def test_a_torque_that_rests_now_and_then_is_not_stale() -> None:
+    values = RANDOM.standard_normal(400)
+    values[100:180] = 0.0
+    assert stale_stride(values) == 1
+    assert len(fresh(np.arange(400.0), values)) == 400
+    assert stale_stride(np.zeros(400)) == 1
+
+
+def test_lost_values_lie_on_a_line_and_pauses_stay() -> None:
+    t = np.array([0.0, 1.0, 2.0, 4.0, 5.0, 6.0, 20.0, 21.0])
+    log = logged(t, np.array([0.0, 0.0, 2.0, 4.0, 0.0, 0.0, 7.0, 7.0]))
+    assert log.t.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 20.0, 21.0]
+    assert log.values[3] == pytest.approx(3.0)
