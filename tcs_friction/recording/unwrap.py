@@ -69,10 +69,16 @@ def unwrapped(seconds: Column, position: Column, velocity: Column | None = None,
     unchanged = Unwrapped(position, velocity, np.zeros(len(position), dtype=np.bool_))
     if len(position) < FEWEST:
         return unchanged
-    span = float(np.ptp(position))
-    steps = np.diff(position)
-    if not span or max(float(steps.max()), -float(steps.min())) < HALF * span:
-        return unchanged  # the usual case, at the price of three passes
+    with np.errstate(over="ignore", invalid="ignore"):  # of damage that is beyond all numbers
+        span = float(np.ptp(position))
+        steps = np.diff(position)
+        if not 0.0 < span < np.inf or max(float(steps.max()), -float(steps.min())) < HALF * span:
+            return unchanged  # the usual case, at the price of three passes
+        return _unwrapped(unchanged, seconds, where)
+
+
+def _unwrapped(unchanged: Unwrapped, seconds: Column, where: str) -> Unwrapped:
+    position, velocity = unchanged.position, unchanged.velocity
     whole = Steps(seconds, position, velocity)
     modulus, kept = whole.modulus(where), np.arange(len(position))
     if not modulus:
