@@ -63,8 +63,8 @@ def timeline(stamps: Nanoseconds, log_times: Nanoseconds) -> Timeline:
         order = _logged_order(log_times)
         if order is None:
             return Timeline(*_straighten(stamps, log_times, notes), tuple(notes))
-        notes.append(f"{counted(len(order[1]), 'stretch', 'es')} of the file not in the order of the log times, sorted")
-        rows, stamps, log_times = order[0], stamps[order[0]], log_times[order[0]]
+        notes.append("stretches of the file stand in another order than they were logged in, sorted")
+        rows, stamps, log_times = order, stamps[order], log_times[order]
         if not np.all(stamps[1:] > stamps[:-1]):
             chosen, times, restarts = _straighten(stamps, log_times, notes)
             return Timeline(rows[chosen], times, restarts, tuple(notes))
@@ -75,23 +75,23 @@ def timeline(stamps: Nanoseconds, log_times: Nanoseconds) -> Timeline:
     return Timeline(rows, stamps, (), tuple(notes))
 
 
-def _logged_order(log_times: Nanoseconds) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Rows in the order of logging, and where stretches begin that stand elsewhere in the file; None if it has that order.
+def _logged_order(log_times: Nanoseconds) -> NDArray[np.intp] | None:
+    """Rows in the order of logging, None if the file has that order or a clock was set back.
 
-    mcap allows chunks in any order. Stretches that only stand in another order do not overlap, and follow one another without a
-    pause once they are sorted; a clock that was set back goes over the same times again, or leaves a pause.
+    mcap allows chunks in any order. Stretches that only stand elsewhere do not overlap, and once they are sorted leave no
+    longer pause than the file has. A clock that was set back goes over the same times again, or leaves a pause that was none.
     """
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(log_times) < 0) + 1))
-    if len(starts) == 1:
+    steps = np.diff(log_times)
+    if not np.any(steps < 0):
         return None
+    starts = np.concatenate(([0], np.flatnonzero((steps < 0) | (steps > gap_limit(log_times))) + 1))
     stops = np.concatenate((starts[1:], [len(log_times)]))
     order = np.argsort(log_times[starts], kind="stable")
-    first, last = log_times[starts[order]], log_times[stops[order] - 1]
-    pauses = first[1:] - last[:-1]
-    if np.any(pauses < 0) or np.any(pauses > JUMP):
+    pauses = log_times[starts[order[1:]]] - log_times[stops[order[:-1]] - 1]
+    if np.any(pauses < 0) or np.any(pauses > max(JUMP, int(steps.max()))):
         return None
-    moved = starts[np.flatnonzero(order != np.arange(len(order)))]
-    return np.concatenate([np.arange(starts[k], stops[k]) for k in order]), moved
+    rows = np.arange(len(log_times))
+    return np.concatenate([rows[starts[k] : stops[k]] for k in order])
 
 
 def _strays(count: int) -> str:
@@ -174,6 +174,9 @@ def _without_strays(stamps: Nanoseconds, log_times: Nanoseconds) -> NDArray[np.i
     for index, (start, stop) in enumerate(itertools.pairwise(bounds)):
         following = int(stamps[stop]) if stop < len(stamps) else None
         short = stop - start <= STRAY_RUN and len(bounds) > 2
+        at_edge = start == 0 or following is None
+        if at_edge and len(bounds) > 3 and abs(latency[start] - usual) <= JUMP and not ahead[start]:
+            short = False  # it is of the same clock as the others, and what follows it or came before is astray
         if short and _goes_on(anchor, following, index == 0, len(stamps)):
             keep[start:stop] = False
         else:

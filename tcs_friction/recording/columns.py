@@ -34,6 +34,6 @@ class TopicColumns:
         return len(self.log_times)
 
 
-def counted(number: int, what: str, plural: str = "s") -> str:
+def counted(number: int, what: str) -> str:
     """`1 message`, `2 messages`."""
-    return f"{number} {what}{'' if number == 1 else plural}"
+    return f"{number} {what}{'' if number == 1 else 's'}"

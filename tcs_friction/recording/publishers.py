@@ -189,16 +189,14 @@ def _strangers(values: Column) -> NDArray[np.intp]:
 
 def _contradicting(said: Said) -> Mask | None:
     """The messages whose position cannot be reached from the others, or whose torque or velocity never changes between them."""
-    position = said.signals["position"]
-    strange = _strangers(position)
-    if _are_another(said, strange) and not _wraps(position, strange):
-        traced = _traced(said, strange)
-        if np.count_nonzero(traced) >= STRANGE:
-            return traced
     for name, values in said.signals.items():
-        if name == "position":
-            continue
         strange = _strangers(values)
+        if name == "position":
+            if _are_another(said, strange) and not _wraps(values, strange):
+                traced = _traced(said, values, strange)
+                if np.count_nonzero(traced) >= STRANGE:
+                    return traced
+            continue
         if len(strange) < STRANGE:
             continue
         found, counts = np.unique(values[strange], return_counts=True)
@@ -224,7 +222,7 @@ def _wraps(position: Column, strange: NDArray[np.intp]) -> bool:
     return bool(np.median(sizes) > FILLING * np.ptp(position[np.isfinite(position)]))
 
 
-def _traced(said: Said, strange: NDArray[np.intp]) -> Mask:
+def _traced(said: Said, position: Column, strange: NDArray[np.intp]) -> Mask:
     """The messages that follow the clearest of the strange ones rather than the one before it."""
     rows = []
     for values in said.signals.values():
@@ -233,7 +231,6 @@ def _traced(said: Said, strange: NDArray[np.intp]) -> Mask:
         moving = nearest[nearest > 0.0]
         scale = float(np.median(moving)) if len(moving) else 1.0
         rows.append(np.where(np.isfinite(values), values, 0.0) / scale)
-    position = said.signals["position"]
     clearest = int(strange[np.argmax(np.abs(position[strange] - position[strange - 1]))])
     seconds = (said.times - said.times[0]) * 1e-9
     labels = np.zeros(len(said), dtype=np.bool_)

@@ -73,8 +73,8 @@ def pace(times: Nanoseconds, log_times: Nanoseconds) -> Pace:
         rate = 1.0
     left = own - rate * log
     offset = float(np.median(left))
-    spread = float(3.0 * 1.4826 * np.median(np.abs(left - offset)))
     slopes = [_slope(own[part], log[part]) for part in thirds]
+    spread = float(np.median([_spread(own[part] - slope * log[part]) for part, slope in zip(thirds, slopes, strict=True)]))
     wander = max(float(np.abs(np.median(left[part]) - offset)) for part in thirds)
     moved = abs(rate - 1.0) * float(np.ptp(log))
     limit = max(float(clock.usual_period(times)), spread)
@@ -82,6 +82,11 @@ def pace(times: Nanoseconds, log_times: Nanoseconds) -> Pace:
     steady = wander <= limit or max(abs(slope - rate) for slope in slopes) <= STEADY * rate
     at = int(np.median(log))
     return Pace(log_start + at, start + int(rate * at + offset), rate, spread, steady, drifts)
+
+
+def _spread(values: np.ndarray) -> float:
+    """Three standard deviations, by the median."""
+    return float(3.0 * 1.4826 * np.median(np.abs(values - np.median(values))))
 
 
 def _slope(own: np.ndarray, log: np.ndarray) -> float:
