@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ import yaml
 
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import axis_file_mapping, write_whole
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import InputError, printable
 from tcs_friction.identify.first_axis import FirstAxis, first_axis
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info
@@ -44,7 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", required=True, type=output_file, metavar="AXIS.yaml", help="where the axis file goes")
     add("--name", help="of the axis (default: its joint's name, or the file's)")
     add("--kind", choices=("rotary", "linear"), help="of the axis (default: told from units, names and travel)")
-    add("--joint", help="which joint of the bag (default: the first); of a table, what to call it")
+    add("--joint", help="which joint of the bag, by name or by number from 0 on (default: 0); of a table, what to call it")
+    add_signals(parser)
     add("--column", action="append", default=[], metavar="SIGNAL=COLUMN", help="of a table: the column of a signal")
     add("--force", action="store_true", help="replace an existing file")
     add("--json", action="store_true", help="print what was found as JSON")
@@ -80,19 +83,26 @@ def _read(arguments: argparse.Namespace) -> tuple[Sequence[Recording], SignalMap
     tables = [path.suffix.lower() in TABLES for path in arguments.recordings]
     if any(tables) and not all(tables):
         raise InputError("recordings", "bags and tables together", "bags, or tables")
+    if all(tables) and arguments.signal:
+        raise InputError("--signal", "given for a table", "a bag, or --column for a table")
     if all(tables):
         chosen = dict(_pair(word) for word in arguments.column)
         imported = [import_table(path, arguments.joint or "axis", chosen, kind=arguments.kind) for path in arguments.recordings]
         first = imported[0]
         return [one.recording for one in imported], first.signals, arguments.kind or first.kind, first.torque_unit
     if arguments.column:
-        raise InputError("--column", "given for a bag", "a table")
-    proposal = bag_info(arguments.recordings[0]).signals
+        raise InputError("--column", "given for a bag", "a table, or --signal for a bag")
+    info, where = bag_info(arguments.recordings[0]), str(arguments.recordings[0])
+    proposal = with_signals(of_joint(info.signals, info.joints, arguments.joint), named_signals(arguments.signal))
     if not {"position", "torque"} <= set(proposal):
-        lacking = " and ".join(name for name in ("position", "torque") if name not in proposal)
-        where = str(arguments.recordings[0])
-        raise InputError(where, f"nothing in it looks like {lacking} of an axis", "a signals block of your own (./tcs bag info)")
-    signals = SignalMap.from_mapping(_of_joint(proposal, arguments), str(arguments.recordings[0]))
+        lacking = [name for name in ("position", "torque") if name not in proposal]
+        expected = " and ".join(f"--signal {name}=/TOPIC:FIELD" for name in lacking)
+        raise InputError(where, f"nothing in it looks like {' and '.join(lacking)} of an axis", f"{expected} (./tcs bag info)")
+    signals = SignalMap.from_mapping(proposal, where)
+    if len(info.joints) > 1 and arguments.joint is None and signals.position.joint is not None:
+        names = ", ".join(f"{number} {name}" for number, name in enumerate(info.joints))
+        taken = f"{where}: joint {signals.position.joint} taken of {names}; --joint takes another"
+        print(f"tcs-friction: {printable(taken)}", file=sys.stderr)
     return read_recordings(arguments.recordings, signals), signals, arguments.kind, ""
 
 
@@ -101,25 +111,6 @@ def _pair(word: str) -> tuple[str, str]:
     if not separator:
         raise InputError("--column", repr(word), "SIGNAL=COLUMN")
     return signal, column
-
-
-def _of_joint(proposal: Mapping[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
-    """The proposal for another joint than the first, where one is asked for."""
-    block = {name: dict(entry) for name, entry in proposal.items()}
-    asked, first = arguments.joint, block["position"].get("joint")
-    if asked is None or asked == first:
-        return block
-    others = {name.removesuffix("_velocity"): name for name in block.get("exogenous", {}) if name.endswith("_velocity")}
-    if asked not in others:
-        raise InputError("--joint", f"no joint {asked!r}", nearest(asked, [*([first] if first else []), *others]))
-    for name in ("position", "velocity", "torque"):
-        if name in block and block[name].get("joint") == first:
-            block[name]["joint"] = asked
-    exogenous = block.pop("exogenous")
-    del exogenous[others[asked]]
-    if "velocity" in block:
-        exogenous[f"{first}_velocity"] = {**block["velocity"], "joint": first}
-    return block | ({"exogenous": exogenous} if exogenous else {})
 
 
 def _kind(recordings: Sequence[Recording], signals: SignalMap) -> tuple[str, str]:
