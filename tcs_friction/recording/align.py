@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,12 @@ class _Base:
     restarts: tuple[int, ...]
     headers: bool
 
-    @property
+    @cached_property
+    def seconds(self) -> Column:
+        """The times from the first on, s."""
+        return (self.times - self.times[0]) / 1e9
+
+    @cached_property
     def pace(self) -> Pace:
         return pace(self.times, self.columns.log_times[self.rows])
 
@@ -68,8 +74,7 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
             column = _from_other_topic(base, columns[signal.topic], name, signal, source, told)
         values[name] = _usable(column, fine, name, signal, needed, source, told)
     passed, cuts = _made_continuous(base, values, source, told)
-    base = replace(base, restarts=tuple(sorted({*base.restarts, *cuts})))
-    return _cut(base, fine, passed, values, signals, source, told)
+    return _cut(base, fine, passed, sorted({*base.restarts, *cuts}), values, signals, source, told)
 
 
 def _base(columns: TopicColumns, signals: SignalMap, source: str, told: list[str]) -> _Base:
@@ -124,10 +129,9 @@ def _made_continuous(
     assert position is not None  # _usable has raised otherwise
     good = np.flatnonzero(np.isfinite(position))
     whole = len(good) == len(position)
-    seconds = (base.times - base.times[0]) / 1e9
     found = (
-        unwrapped(seconds, position, velocity, source) if whole
-        else unwrapped(seconds[good], position[good], None if velocity is None else velocity[good], source)
+        unwrapped(base.seconds, position, velocity, source) if whole
+        else unwrapped(base.seconds[good], position[good], None if velocity is None else velocity[good], source)
     )  # fmt: skip
     told.extend(found.notes)
 
@@ -253,21 +257,22 @@ def _usable(
 
 
 def _cut(
-    base: _Base, fine: Mask, passed: Mask | None, values: dict[str, Column | None], signals: SignalMap, source: str,
-    told: list[str],
+    base: _Base, fine: Mask, passed: Mask | None, cuts: Sequence[int], values: dict[str, Column | None],
+    signals: SignalMap, source: str, told: list[str],
 ) -> Recording:  # fmt: skip
     """The samples that are fine, in segments: cut where others are missing, save those that are to be passed over."""
     limit = clock.gap_limit(base.times)
-    lost = np.cumsum(~fine)
     kept = np.flatnonzero(fine if passed is None else fine & ~passed)
     whole = len(kept) == len(fine)
     if len(kept) < 2:
         raise InputError(source, f"{len(kept)} samples with position and torque", "at least 2")
     times = base.times if whole else base.times[kept]
     steps = np.diff(times)
-    breaks = (steps > limit) | (np.diff(lost[kept]) > 0)
-    for restart in base.restarts:
-        after = int(np.searchsorted(kept, restart))
+    breaks = steps > limit
+    if not whole:
+        breaks |= np.diff(np.cumsum(~fine)[kept]) > 0
+    for cut in cuts:
+        after = int(np.searchsorted(kept, cut))
         if 0 < after < len(kept):
             breaks[after - 1] = True
     if missing := clock.dropped(base.times):
@@ -289,7 +294,7 @@ def _cut(
     assert position is not None  # _usable has raised otherwise
     assert torque is not None
     exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
-    seconds = (times - times[0]) / 1e9
+    seconds = base.seconds if whole else (times - times[0]) / 1e9
     return Recording(
         seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
         exogenous, segments, source, tuple(told), int(times[0]),

@@ -58,11 +58,9 @@ class Pace:
 
 def pace(times: Nanoseconds, log_times: Nanoseconds) -> Pace:
     """How the times of (n,) messages, on one clock and without strays, run beside their log times."""
-    shift = int(np.median(times - log_times))
-    middle = len(times) // 2
     if len(times) < FEWEST:
-        at = int(log_times[middle])
-        return Pace(at, at + shift, 1.0, 0.0, True, False)
+        at = int(log_times[len(times) // 2])
+        return Pace(at, at + int(np.median(times - log_times)), 1.0, 0.0, True, False)
     every = max(1, len(times) // LOOKED_AT)
     start, log_start = int(times[0]), int(log_times[0])
     own, log = (times[::every] - start).astype(float), (log_times[::every] - log_start).astype(float)
@@ -77,7 +75,7 @@ def pace(times: Nanoseconds, log_times: Nanoseconds) -> Pace:
     spread = float(np.median([_spread(own[part] - slope * log[part]) for part, slope in zip(thirds, slopes, strict=True)]))
     wander = max(float(np.abs(np.median(left[part]) - offset)) for part in thirds)
     moved = abs(rate - 1.0) * float(np.ptp(log))
-    limit = max(float(clock.usual_period(times)), spread)
+    limit = max(float(np.median(times[1::every] - times[:-1:every])), spread)
     drifts = moved > limit
     steady = wander <= limit or max(abs(slope - rate) for slope in slopes) <= STEADY * rate
     at = int(np.median(log))
