@@ -17,6 +17,7 @@ from typing import Any
 import yaml
 
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.parser import name_word
 from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError, printable
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(dest="what", required=True, metavar="info|export|import")
     info = commands.add_parser("info", help="what is in a bag")
     info.add_argument("bag", type=Path, metavar="BAG")
-    info.add_argument("--joint", help="which joint to look at, by name or by number from 0 on (default: 0)")
+    info.add_argument("--joint", type=name_word, help="which joint to look at, by name or by number from 0 on (default: 0)")
     add_signals(info)
     export = commands.add_parser("export", help="a recording as a table")
     export.add_argument("bag", type=Path, metavar="BAG")
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     table.add_argument("file", type=Path, metavar="FILE")
     table.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
     table.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="put the signals where this file has them")
-    table.add_argument("--joint", default="axis", help="name of the joint without an axis file (default: axis)")
+    table.add_argument("--joint", type=name_word, default="axis", help="name of the joint without an axis file (default: axis)")
     table.add_argument(
         "--column", action="append", default=[], metavar="SIGNAL=COLUMN",
         help="which column is time, position, torque, velocity, temperature or reference, if its name does not say",

@@ -19,6 +19,7 @@ import yaml
 
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.parser import name_word
 from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import axis_file_mapping, write_whole
@@ -44,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("recordings", nargs="+", type=Path, metavar="BAG_OR_CSV", help="recordings of one axis under one controller")
     add("-o", "--output", required=True, type=output_file, metavar="AXIS.yaml", help="where the axis file goes")
-    add("--name", help="of the axis (default: its joint's name, or the file's)")
+    add("--name", type=name_word, help="of the axis (default: its joint's name, or the file's)")
     add("--kind", choices=("rotary", "linear"), help="of the axis (default: told from units, names and travel)")
-    add("--joint", help="which joint of the bag, by name or by number from 0 on (default: 0); of a table, what to call it")
+    add("--joint", type=name_word, help="which joint of the bag, by name or number (default: 0, the first); of a table, its name")
     add_signals(parser)
     add("--column", action="append", default=[], metavar="SIGNAL=COLUMN", help="of a table: the column of a signal")
     add("--force", action="store_true", help="replace an existing file")
