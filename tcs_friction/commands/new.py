@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,9 +21,11 @@ import yaml
 from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.parser import name_word
+from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import axis_file_mapping, write_whole
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import InputError, printable
 from tcs_friction.identify.first_axis import FirstAxis, first_axis
 from tcs_friction.identify.first_axis_reasons import doubts, reasons
 from tcs_friction.recording.bags import agreeing, read_recordings
@@ -46,10 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("recordings", nargs="+", type=Path, metavar="BAG_OR_CSV", help="recordings of one axis under one controller")
     add("-o", "--output", required=True, type=output_file, metavar="AXIS.yaml", help="where the axis file goes")
-    add("--name", help="of the axis (default: its joint's name, or the file's)")
+    add("--name", type=name_word, help="of the axis (default: its joint's name, or the file's)")
     add("--kind", choices=("rotary", "linear"), help="of the axis (default: told from units, names and travel)")
     add_reading(parser, joint=False)
-    add("--joint", default="", help="which joint (default: the first of a bag); of a table with one, what to call it")
+    which = "which joint, by name or by number from 0 on (default: 0, the first); of a table with one, what to call it"
+    add("--joint", type=name_word, default="", metavar="NAME", help=which)
+    add_signals(parser)
     add("--force", action="store_true", help="replace an existing file")
     add("--json", action="store_true", help="print what was found as JSON")
 
@@ -81,40 +86,35 @@ def _read(arguments: argparse.Namespace) -> tuple[Sequence[Recording], SignalMap
     tables, choice = [is_table(path) for path in arguments.recordings], choice_of(arguments)
     if any(tables) and not all(tables):
         raise InputError("recordings", "bags and tables together", "bags, or tables")
+    if all(tables) and arguments.signal:
+        raise InputError("--signal", "given for a table", "a bag, or --column for a table")
     if all(tables):
         imported = [import_table(path, choice.joint, choice.columns, kind=arguments.kind) for path in arguments.recordings]
         first = imported[0]
         return agreeing([one.recording for one in imported], choice), first.signals, arguments.kind or first.kind
-    info = bag_info(arguments.recordings[0])
-    proposal = info.signals
-    if not {"position", "torque"} <= set(proposal):
-        lacking = " and ".join(name for name in ("position", "torque") if name not in proposal)
-        where = str(arguments.recordings[0])
-        foreign = next((line for topic in info.topics for line in topic.findings if line.startswith(SERIALISED)), "")
-        if foreign:
-            raise InputError(where, foreign, READABLE)
-        raise InputError(where, f"nothing in it looks like {lacking} of an axis", "a signals block of your own (./tcs bag info)")
-    signals = SignalMap.from_mapping(_of_joint(proposal, arguments), str(arguments.recordings[0]))
+    if arguments.column:
+        raise InputError("--column", "given for a bag", "a table, or --signal for a bag")
+    signals = _proposed(arguments, choice.joint)
     return read_recordings(arguments.recordings, signals, replace(choice, joint="")), signals, arguments.kind
 
 
-def _of_joint(proposal: Mapping[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
-    """The proposal for another joint than the first, where one is asked for."""
-    block = {name: dict(entry) for name, entry in proposal.items()}
-    asked, first = arguments.joint, block["position"].get("joint")
-    if not asked or asked == first:
-        return block
-    others = {name.removesuffix("_velocity"): name for name in block.get("exogenous", {}) if name.endswith("_velocity")}
-    if asked not in others:
-        raise InputError("--joint", f"no joint {asked!r}", nearest(asked, [*([first] if first else []), *others]))
-    for name in ("position", "velocity", "torque"):
-        if name in block and block[name].get("joint") == first:
-            block[name]["joint"] = asked
-    exogenous = block.pop("exogenous")
-    del exogenous[others[asked]]
-    if "velocity" in block:
-        exogenous[f"{first}_velocity"] = {**block["velocity"], "joint": first}
-    return block | ({"exogenous": exogenous} if exogenous else {})
+def _proposed(arguments: argparse.Namespace, joint: str) -> SignalMap:
+    """The signals of the first bag, those that are named and the others as proposed; says which joint it takes of several."""
+    info, where = bag_info(arguments.recordings[0]), str(arguments.recordings[0])
+    proposal = with_signals(of_joint(info.signals, info.joints, joint or None), named_signals(arguments.signal))
+    if not {"position", "torque"} <= set(proposal):
+        foreign = next((line for topic in info.topics for line in topic.findings if line.startswith(SERIALISED)), "")
+        if foreign:
+            raise InputError(where, foreign, READABLE)
+        lacking = [name for name in ("position", "torque") if name not in proposal]
+        expected = " and ".join(f"--signal {name}=/TOPIC:FIELD" for name in lacking)
+        raise InputError(where, f"nothing in it looks like {' and '.join(lacking)} of an axis", f"{expected} (./tcs bag info)")
+    signals = SignalMap.from_mapping(proposal, where)
+    if len(info.joints) > 1 and not joint and signals.position.joint is not None:
+        names = ", ".join(f"{number} {name}" for number, name in enumerate(info.joints))
+        taken = f"{where}: joint {signals.position.joint} taken of {names}; --joint takes another"
+        print(f"tcs-friction: {printable(taken)}", file=sys.stderr)
+    return signals
 
 
 def _kind(recordings: Sequence[Recording], signals: SignalMap) -> tuple[str, str]:

@@ -133,6 +133,7 @@ class Bag:
     def batches(self, topics: Collection[str] | None = None) -> Iterator[Batch]:
         """Messages of the topics (None: all) in the order in which the files hold them, unpacked."""
         self.channels, self.damage, read = set(), Damage(), 0
+        joined: list[str] = []
         self.allowance.renew()
         for path in self.files:
             with self._plain(path) as plain:
@@ -145,10 +146,13 @@ class Bag:
                     if topics is None or batch.channel.topic in topics:
                         yield self._unpacked(batch)
                 self.channels.update(scan.channels.values())
+                if isinstance(scan, mcap_read.McapScan) and scan.files > 1:
+                    self.channels.update(scan.earlier)
+                    joined.append(f"{path.name}: {scan.files} mcap files one behind the other, all read")
                 read += scan.read
         if self.damage and self.damage.unsure and self.stated is not None and self.stated >= read:
             self.damage.lost_messages, self.damage.unsure = self.stated - read, False
-        self.notes = [printable(note) for note in (*self._file_notes, *([str(self.damage)] if self.damage else []))]
+        self.notes = [printable(note) for note in (*self._file_notes, *joined, *([str(self.damage)] if self.damage else []))]
         if not self.channels:
             raise InputError(str(self.path), f"nothing whole in it{self.lament()}", "a recording with messages")
 

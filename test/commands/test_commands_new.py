@@ -93,6 +93,29 @@ def test_a_telescope_is_known_from_its_bag(
 
 
 @pytest.mark.usefixtures("one_law")
+def test_signals_and_the_joint_are_taken_as_named_and_said(
+    run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The torque that acted is the effort of another joint, and the axis' own is always 1."""
+    place, path = "/mount/joint_states", tmp_path / "axis.yaml"
+    sources = [SignalSource(place, "position", "azimuth"), SignalSource(place, "effort", "azimuth")]
+    motor = [SignalSource(place, "position", "motor"), SignalSource(place, "effort", "motor")]
+    signals = SignalMap(*sources, exogenous={"angle": motor[0], "torque of the motor": motor[1]})
+    still = np.ones_like(run.t)
+    others = {"angle": still, "torque of the motor": run.torque}
+    write_recording(tmp_path / "bag", Recording(run.t, run.position, still, exogenous=others), signals)
+    words = ["new", str(tmp_path / "bag"), "-o", str(path), "--force"]
+    assert main([*words, "--signal", f"torque={place}:effort@motor"]) == 0
+    assert "joint azimuth taken of 0 azimuth, 1 motor; --joint takes another" in capsys.readouterr().err
+    assert load_axis(path).axis.inertia == pytest.approx(1000.0, rel=0.03)
+    found = load_axis(path).signals
+    assert found is not None
+    assert found.torque == SignalSource(place, "effort", "motor")
+    assert main([*words, "--joint", "1"]) == 2
+    assert "the axis never moves" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("one_law")
 def test_a_torque_of_the_other_sign_is_turned_over(run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "axis.yaml"
     assert main(["new", str(bag(tmp_path / "bag", run, sign=-1.0)), "-o", str(path)]) == 0
@@ -162,7 +185,9 @@ def test_a_joints_name_says_that_an_axis_is_linear_and_another_joint_can_be_aske
     ("words", "expected"),
     [
         (["BAG", "--joint", "altitude"], "--joint: no joint 'altitude', expected one of azimuth"),
-        (["BAG", "--column", "torque=u"], "bag, expected a table"),
+        (["BAG.csv", "--signal", "torque=/a:b"], "--signal: given for a table, expected a bag, or --column for a table"),
+        (["BAG", "--signal", "torque=/drive:data"], "no topic /drive, expected one of /mount/joint_states"),
+        (["BAG", "--column", "torque=u"], "--column: given for a bag, expected a table"),
         (["BAG", "BAG.csv"], "recordings: bags and tables together, expected bags, or tables"),
         (["missing"], "missing: does not exist"),
     ],

@@ -200,6 +200,41 @@ def test_strict_refuses_what_would_be_mended_in_every_command(
     assert not Path(out).exists()
 
 
+def test_a_table_whose_position_wraps_is_continuous_and_says_so(tmp_path: Path) -> None:
+    """In degrees, which are made rad before the turns are counted; the reference goes with the position."""
+    t = np.arange(2000) / 100.0
+    position = 500.0 * np.sin(0.5 * t)
+    path, heading = tmp_path / "wrapped.csv", "time [s],position [deg],reference [deg],torque [N m]"
+    rows = np.column_stack((t, position % 360.0, (position + 0.1) % 360.0, np.cos(t)))
+    np.savetxt(path, rows, delimiter=",", header=heading, comments="")
+    (found,) = read_recordings([path], TURNED)
+    assert np.allclose(found.position, np.radians(position), atol=1e-9)
+    assert found.reference is not None
+    assert np.allclose(found.reference - found.position, np.radians(0.1), atol=1e-9)
+    assert sum(note.startswith("mended: position: wraps at 6.2832 rad") for note in found.notes) == 1
+    with pytest.raises(InputError, match=r"wraps at 6.2832 rad.*--strict"):
+        read_recordings([path], TURNED, Choice(strict=True))
+
+
+def test_a_torque_with_stamps_of_its_own_is_logged_in_si_units(tmp_path: Path) -> None:
+    signals = SignalMap(TURNED.position, SignalSource("/drive", "wrench.torque.z", scale=-0.5, unit="mNm", acts="from_stamp"))
+    write_recording(tmp_path / "bag", motion(), signals)
+    (found,) = read_recordings([tmp_path / "bag"], signals)
+    assert found.torque_log is not None
+    assert np.allclose(found.torque, motion().torque, rtol=1e-12)
+    assert np.allclose(found.torque_log, [motion().t, motion().torque], atol=1e-9)
+    assert found.acts == 0.0
+
+
+def test_the_axis_file_says_when_the_torque_of_a_table_acts(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "az.csv")
+    for acts, seconds in (("from_stamp", 0.0), ("up_to_stamp", -0.01), (0.002, 0.002)):
+        (found,) = read_recordings([path], replace(TURNED, torque=replace(TURNED.torque, acts=acts)))
+        assert found.acts == pytest.approx(seconds, abs=1e-12)
+    (found,) = read_recordings([path], TURNED)
+    assert found.acts is None
+
+
 @pytest.mark.parametrize("name", ["identify", "diagnose", "response", "calibrate", "new", "compensate", "fleet"])
 def test_every_command_takes_the_options_of_reading(name: str) -> None:
     parser = argparse.ArgumentParser()
