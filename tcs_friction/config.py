@@ -84,6 +84,22 @@ class AxisFile:
     signals: SignalMap | None = None
     control: Control | None = None
 
+    def __post_init__(self) -> None:
+        if self.signals is None:
+            return
+        torque = replace(self.signals.torque, rated=self.axis.drive.rated_torque)
+        signals = replace(self.signals, torque=torque)
+        object.__setattr__(self, "signals", signals)
+        if signals.torque_unit:
+            object.__setattr__(self, "axis", replace(self.axis, torque_unit=signals.torque_unit))
+
+    def measured_in(self, torque_unit: str) -> AxisFile:
+        """The same about an axis whose recordings hold the torque in this unit, "" for N m or N, which then is everywhere."""
+        if self.signals is None or torque_unit == self.axis.torque_unit:
+            return self
+        signals = replace(self.signals, torque=replace(self.signals.torque, unit=torque_unit))
+        return replace(self, signals=signals, axis=replace(self.axis, torque_unit=torque_unit))
+
     def with_axis(self, axis: Axis) -> AxisFile:
         """The same file about another axis."""
         return replace(self, axis=axis)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,9 @@ from pathlib import Path
 MOST_LISTED = 40
 MOST_SHOWN = 2000
 """Characters of a message; what is longer is cut in the middle, where it quotes a file."""
+
+
+QUERY = re.compile(r"(\w://[^\s?]*)\?\S*?(?=[,:;.)\]'\"]*(?:\s|$))")
 
 
 class TcsError(Exception):
@@ -56,8 +60,12 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """A message as one line of bounded length."""
-    line = printable(text.replace("\n", " "))
+    """A message as one line of bounded length. The query of a URL is left out: of one that is signed, it is the permission.
+
+    >>> one_line("https://host/bag.mcap?X-Amz-Signature=5e1f: does not exist")
+    'https://host/bag.mcap?...: does not exist'
+    """
+    line = QUERY.sub(r"\1?...", printable(text.replace("\n", " ")))
     if len(line) <= MOST_SHOWN:
         return line
     return f"{line[: MOST_SHOWN // 2]} ... {line[-MOST_SHOWN // 2 :]}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 
+import pytest
+
 from tcs_friction.errors import MOST_LISTED, InputError, nearest
 
 
@@ -35,3 +37,17 @@ def test_without_any_alike_all_are_listed() -> None:
     assert nearest("zzz", []) == "nothing else there"
     many = nearest("zzz", (f"topic_{number}" for number in range(MOST_LISTED + 1)))
     assert many.endswith(f"topic_{MOST_LISTED - 1}, ...")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("https://h/a.mcap?sig=1:2,3&x=4: is gone", "https://h/a.mcap?...: is gone"),
+        ("('s3://b/k?versionId=9')", "('s3://b/k?...')"),
+        ("https://h/a?sig=1, https://h/b?sig=2", "https://h/a?..., https://h/b?..."),
+        ("https://h/a.mcap: is it gone?", "https://h/a.mcap: is it gone?"),
+        ("what? https://h/a", "what? https://h/a"),
+    ],
+)
+def test_the_query_of_a_url_is_never_repeated(text: str, shown: str) -> None:
+    assert str(InputError(text, "x")) == f"{shown}: x"

@@ -1,8 +1,8 @@
 """Look into bags, export a recording to a table, import a table as a bag.
 
-  info    topics, types, rates, gaps, damage, and a proposal for the signals block of an axis file
+  info    topics, types, rates, gaps, damage; what reading position and torque finds; a proposal for an axis file's signals
   export  the signals of an axis to .csv or .parquet, units in the column names
-  import  a .csv or .parquet file becomes a bag: columns time, position and torque, others if there are any
+  import  a table becomes a bag: columns time, position and torque, others if there are any
 """
 
 from __future__ import annotations
@@ -10,16 +10,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.parser import name_word
+from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.config import load_axis
-from tcs_friction.errors import InputError, printable
+from tcs_friction.errors import printable
 from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.health import health
 from tcs_friction.recording.info import bag_info, info_text
+from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.tables import export_table, import_table
 from tcs_friction.recording.write import write_recording
 from tcs_friction.writable import new_output, output_file
@@ -30,6 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(dest="what", required=True, metavar="info|export|import")
     info = commands.add_parser("info", help="what is in a bag")
     info.add_argument("bag", type=Path, metavar="BAG")
+    info.add_argument("--joint", type=name_word, help="which joint to look at, by name or by number from 0 on (default: 0)")
+    add_signals(info)
     export = commands.add_parser("export", help="a recording as a table")
     export.add_argument("bag", type=Path, metavar="BAG")
     export.add_argument("--axis", type=Path, required=True, metavar="AXIS.yaml", help="where the signals are")
@@ -38,11 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     table.add_argument("file", type=Path, metavar="FILE")
     table.add_argument("-o", "--output", type=new_output, required=True, metavar="BAG", help="bag to write")
     table.add_argument("--axis", type=Path, metavar="AXIS.yaml", help="put the signals where this file has them")
-    table.add_argument("--joint", default="axis", help="name of the joint without an axis file (default: axis)")
-    table.add_argument(
-        "--column", action="append", default=[], metavar="SIGNAL=COLUMN",
-        help="which column is time, position, torque, velocity, temperature or reference, if its name does not say",
-    )  # fmt: skip
+    add_reading(table, joint=False)
+    which = "joint of a table that has several, by name or number from 0; of another, what to call it (default: axis)"
+    table.add_argument("--joint", type=name_word, default="", metavar="NAME", help=which)
     for command in (info, export, table):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -54,29 +60,31 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _info(arguments: argparse.Namespace) -> None:
     info = bag_info(arguments.bag)
-    print(json.dumps(info.to_mapping(), allow_nan=False) if arguments.json else info_text(info))
+    block = with_signals(of_joint(info.signals, info.joints, arguments.joint), named_signals(arguments.signal))
+    info = replace(info, signals=block)
+    found = health(arguments.bag, block)
+    if arguments.json:
+        print(json.dumps(info.to_mapping() | {"health": found.to_mapping() if found else None}, allow_nan=False))
+    else:
+        print(info_text(info, found.lines() if found else ()))
 
 
 def _export(arguments: argparse.Namespace) -> None:
     never_over_an_input([arguments.output], [arguments.bag, arguments.axis])
     file = load_axis(arguments.axis)
-    (recording,) = read_recordings([arguments.bag], file.mapped(arguments.axis))
-    export_table(recording, arguments.output, file.axis.kind)
+    signals = file.mapped(arguments.axis)
+    (recording,) = read_recordings([arguments.bag], signals, kind=file.axis.kind)
+    export_table(recording, arguments.output, file.axis.kind, signals)
     _tell(arguments, recording.notes, {"file": str(arguments.output), "samples": len(recording), "duration": recording.duration})
 
 
 def _import(arguments: argparse.Namespace) -> None:
     file = load_axis(arguments.axis) if arguments.axis else None
-    chosen: dict[str, str] = {}
-    for entry in arguments.column:
-        signal, separator, column = entry.partition("=")
-        if not separator:
-            raise InputError("--column", repr(entry), "SIGNAL=COLUMN")
-        if signal in chosen:
-            raise InputError("--column", f"{chosen[signal]!r} and {column!r} for {signal}", "one column for a signal")
-        chosen[signal] = column
+    choice = choice_of(arguments)
     signals, kind = (file.signals, file.axis.kind) if file else (None, None)
-    imported = import_table(arguments.file, arguments.joint, chosen, signals, kind)
+    imported = import_table(arguments.file, choice.joint, choice.columns, signals, kind)
+    if choice.strict:
+        refuse_mended([imported.recording])
     write_recording(arguments.output, imported.recording, imported.signals)
     block = imported.signals.to_mapping()
     result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}

@@ -13,7 +13,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from tcs_friction.commands.inputs import add_recordings
+from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import AxisFile, default_control, load_axis, save_axis, write_whole
@@ -21,7 +21,7 @@ from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.errors import writing_into
 from tcs_friction.identify.dob_acceptance import accepted
 from tcs_friction.identify.dob_calibration import DYNAMOMETER, Calibration, calibrate, comparisons_of
-from tcs_friction.physics.terms import unit_on
+from tcs_friction.physics.axis import Unit
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     axis = "axis file: the observer, and where the signals are"
     add_recordings(parser, "recordings with the dynamometer on the axis", axis)
+    add_reading(parser)
     parser.add_argument(
         "--dynamometer",
         metavar="TOPIC",
@@ -49,19 +50,19 @@ def run(arguments: argparse.Namespace) -> None:
     file = load_axis(arguments.axis)
     kind, mapped = file.axis.kind, file.mapped(arguments.axis)
     signals = with_dynamometer(mapped, kind, arguments.dynamometer, arguments.field)
-    recordings = read_recordings(arguments.bags, signals)
+    recordings = read_recordings(arguments.bags, signals, choice_of(arguments), kind)
     control = file.control or default_control(file.axis)
     comparisons = [item for recording in recordings for item in comparisons_of(recording)]
     found = accepted(calibrate(comparisons, control.observer))
     text = json.dumps(found.to_mapping(), indent=2, allow_nan=False) + "\n"
     calibrated = replace(file, control=replace(control, observer=found.observer))
     _write(arguments.output, text, calibrated)
-    _report(arguments.output, found, control.observer, kind, [recording.source for recording in recordings])
+    _report(arguments.output, found, control.observer, file.axis.unit, [recording.source for recording in recordings])
     tell_notes(recordings)
     print(
         json.dumps(found.to_mapping(), allow_nan=False)
         if arguments.json
-        else summary(found, kind, arguments.output)
+        else summary(found, file.axis.unit, arguments.output)
     )
 
 
@@ -82,14 +83,14 @@ def _write(directory: Path, text: str, file: AxisFile) -> None:
 
 
 def _report(
-    directory: Path, found: Calibration, before: ObserverSettings, kind: str, sources: list[str]
+    directory: Path, found: Calibration, before: ObserverSettings, unit_of: Unit, sources: list[str]
 ) -> None:
     from tcs_friction.report.calibration import write_report
 
-    write_report(directory, found, before, kind, sources)
+    write_report(directory, found, before, unit_of, sources)
 
 
-def summary(found: Calibration, kind: str, directory: Path) -> str:
+def summary(found: Calibration, unit_of: Unit, directory: Path) -> str:
     """What a terminal shows."""
     settings = found.observer
 
@@ -98,8 +99,8 @@ def summary(found: Calibration, kind: str, directory: Path) -> str:
 
     lines = [
         f"torque scale       {shown(settings.torque_scale, found.scale_std)}",
-        f"torque offset      {shown(settings.torque_offset, found.offset_std)} {unit_on(kind, 'N m')}",
-        f"nominal inertia    {shown(settings.plant.first, found.inertia_std)} {unit_on(kind, 'kg m^2')}",
+        f"torque offset      {shown(settings.torque_offset, found.offset_std)} {unit_of('N m')}",
+        f"nominal inertia    {shown(settings.plant.first, found.inertia_std)} {unit_of('kg m^2')}",
         f"dynamometer late   {1e3 * found.dynamometer_delay:.1f} ms",
         f"accuracy           {100 * found.accuracy_uniform:.2f} % in uniform motion, "
         f"{100 * found.accuracy:.2f} % over everything; before {100 * found.accuracy_before:.2f} %",

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.recorded_run import RecordedRun, no_reference, read_reference, read_run
 from tcs_friction.commands.simulate import read_surroundings, surroundings
@@ -59,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--recording", type=Path, metavar="BAG", help="a run of the axis: shows its controller and error, and the reference")
     add("--recorded-with", choices=STAGES, help="what was compensated in the recording (default nothing)")
     add("--surroundings", type=Path, metavar="BAG", help="recording of temperature and signals (default: 20 degC, 0)")
+    add_reading(parser)
     add("--draws", type=int, default=LEAST_DRAWS, help="of parameters and noise (default %(default)s)")
     add("--settle", type=float, default=2.0, metavar="S", help="beginning of the run that does not count (default 2)")
     add("--seed", type=int, default=0, help="of all noise and draws (default 0)")
@@ -153,7 +155,7 @@ def _recorded(arguments: argparse.Namespace, file: AxisFile, control: Control, n
     """The run that --recording names."""
     if arguments.recording is None:
         return None
-    run = read_run(arguments.recording, file, arguments.axis, control.controller)
+    run = read_run(arguments.recording, file, arguments.axis, control.controller, choice_of(arguments))
     notes += [f"{arguments.recording}: {note}" for note in run.notes]
     if run.reference is None:
         if arguments.reference is None:
@@ -167,7 +169,8 @@ def _reference(
 ) -> Wanted:
     """Of the run to be compensated."""
     if arguments.reference is not None:
-        reference, told = read_reference(arguments.reference, file, arguments.axis, control.controller)
+        choice = choice_of(arguments)
+        reference, told = read_reference(arguments.reference, file, arguments.axis, control.controller, choice)
         notes += told
         return reference
     if recorded is None or recorded.reference is None:
@@ -184,7 +187,7 @@ def _task(
     notes: list[str],
 ) -> Task:
     """A run of the axis, in the surroundings that were given or, of the recorded run, recorded."""
-    source = read_surroundings(file, arguments.surroundings)
+    source = read_surroundings(file, arguments.surroundings, choice_of(arguments))
     if source is None and recorded is not None and reference is recorded.reference:
         source = recorded.recording
     temperature, exogenous, told = surroundings(file, reference, control.loop, source)

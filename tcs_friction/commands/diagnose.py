@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from tcs_friction.commands.inputs import add_joint, add_recordings
+from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.status_line import status_line
@@ -22,6 +22,7 @@ from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
 
 WRITTEN = ("diagnosis.json", "axis.yaml", EXPERIMENT, "report.html")
@@ -38,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="bag of a simulation, whose physics is what is believed (needs no axis file); or a MuJoCo model, which is moved as "
         "the axis was",
     )
-    add_joint(parser)
+    add_reading(parser, joint=False)
+    which = "which joint of the recordings (of a table also its number from 0); with a model of MuJoCo, of the model"
+    parser.add_argument("--joint", default="", metavar="NAME", help=which)
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
@@ -57,7 +60,8 @@ def run(arguments: argparse.Namespace) -> None:
             show(f"{100.0 * share:3.0f} %  {stage}")
 
         file, remark = _believed(arguments, lambda share, stage: progress(0.5 * share, stage))
-        recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
+        recordings = _read(arguments, file)
+        file = file.measured_in(same_torque_unit(recordings))
         begin = 0.0 if arguments.against is None else 0.5
         found = diagnose(recordings, file, lambda share, stage: progress(begin + (1.0 - begin) * share, stage))
         if remark:
@@ -74,8 +78,6 @@ def run(arguments: argparse.Namespace) -> None:
 def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], None]) -> tuple[AxisFile, str]:
     file = load_axis(arguments.axis) if arguments.axis is not None else None
     if arguments.against is None:
-        if arguments.joint:
-            raise InputError("--joint", "given without a model of MuJoCo", "--against FILE.xml beside it")
         assert file is not None
         return file, ""
     from tcs_friction.diagnose.from_model import is_model, recorded_along
@@ -86,20 +88,28 @@ def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], No
             found = f"{arguments.against} and no axis file"
             raise InputError("--against", found, "--axis AXIS.yaml, which says what drive and encoder are like")
         progress(0.0, "moving the model as the axis went")
-        recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
+        recordings = _read(arguments, file)
         moved = recorded_along(arguments.against, arguments.joint, file, recordings)
         start = replace(file.axis, effects=())
         axis, remark = believed_from_recordings(str(arguments.against), moved, start, arguments.seed, progress)
         return file.with_axis(axis), remark
-    if arguments.joint:
-        raise InputError("--joint", f"given with the bag {arguments.against}", "a model of MuJoCo: --against FILE.xml")
     return believed_from_simulation(arguments.against, arguments.bags, file, arguments.seed, progress)
+
+
+def _read(arguments: argparse.Namespace, file: AxisFile) -> tuple[Recording, ...]:
+    """The recordings; --joint is not theirs where a model of MuJoCo has joints as well."""
+    from tcs_friction.diagnose.from_model import is_model
+
+    choice = choice_of(arguments)
+    if arguments.against is not None and is_model(arguments.against):
+        choice = replace(choice, joint="")
+    return read_recordings(arguments.bags, file.mapped(arguments.axis), choice, file.axis.kind)
 
 
 def summary(found: Diagnosis) -> str:
     """The statement and the numbers behind it, for a terminal."""
     content = found.to_mapping()
-    unit, position = (unit_of(name, found.axis_file.axis.kind) for name in ("torque", "position"))
+    unit, position = (unit_of(name, found.axis_file.axis) for name in ("torque", "position"))
     lines = [f"{content['verdict']}: {content['statement']}"]
     for entry in content["effects"]:
         values = ", ".join(f"{name} {p['value']:.5g} {p.get('unit') or ''}".rstrip() for name, p in entry["parameters"].items())

@@ -15,6 +15,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.parser import positive
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.diagnose.parallel import cores
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("paths", nargs="+", metavar="PATH", help="where recordings are")
     parser.add_argument("--axes", required=True, type=Path, metavar="AXES.yaml", help="the axes that there are")
     parser.add_argument("-o", "--output", type=output_place, required=True, metavar="OUT", help="folder or URL of the results")
+    add_reading(parser)
     parser.add_argument("--workers", type=positive, metavar="N", help="processes on this machine (default: its cores)")
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="a Dask scheduler that is there already, in their place")
     parser.add_argument("--retry", action="store_true", help="do again what failed before")
@@ -62,7 +64,10 @@ def run(arguments: argparse.Namespace) -> None:
     from tcs_friction.fleet.sources import find
     from tcs_friction.fleet.store import Store
 
-    axes = read_axes(arguments.axes)
+    choice = choice_of(arguments)
+    axes = tuple(axis.told(choice) for axis in read_axes(arguments.axes))
+    if choice.joint and len(axes) > 1:
+        raise InputError("--joint", f"{len(axes)} axes in {arguments.axes}", "joint in the entry of each")
     plan = Plan(axes, str(arguments.axes), arguments.retry, not arguments.no_diagnose, arguments.samples)
     found = find(arguments.paths, arguments.output)
     store = Store(arguments.output)

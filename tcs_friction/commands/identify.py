@@ -12,7 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from tcs_friction.commands.inputs import add_recordings
+from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.status_line import status_line
@@ -29,7 +29,7 @@ from tcs_friction.identify.searches import AS_PRINTED, HYBRID, NAMES, Searches, 
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.recording.bags import read_recordings
-from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.report.identification_files import AXIS, IDENTIFICATION, content_of, write_identification
 from tcs_friction.report.numbers import aligned
 from tcs_friction.yaml_files import load_yaml
@@ -44,6 +44,7 @@ SETTINGS = tuple(field.name for field in fields(SwarmOptions))
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     axis = "axis file: what is believed, and where the signals are"
     add_recordings(parser, "recordings, one data set with common physics", axis)
+    add_reading(parser)
     parser.add_argument(
         "--law", help="friction law to fit instead of the axis file's; all: compare them on held-out data"
     )
@@ -101,7 +102,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("--compare", "given with --law all", "one law, on which both search")
     if arguments.law not in (None, ALL):
         law_named(arguments.law, "--law")
-    recordings = read_recordings(arguments.bags, signals)
+    recordings = read_recordings(arguments.bags, signals, choice_of(arguments), file.axis.kind)
+    file = file.measured_in(same_torque_unit(recordings))
     found, comparison, searches = _identified(arguments, recordings, file.axis, options)
     if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
         where = str(arguments.axis)

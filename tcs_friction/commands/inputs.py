@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording.choice import Choice, columns_of
 from tcs_friction.writable import output_directory
 
 SIMULATED, MUJOCO = "simulated", "mujoco"
@@ -17,6 +18,21 @@ def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_r
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help=bags)
     parser.add_argument("--axis", required=axis_required, type=Path, metavar="AXIS.yaml", help=axis)
     parser.add_argument("-o", "--output", required=True, type=output_directory, metavar="DIR", help="where the results go")
+
+
+def add_reading(parser: argparse.ArgumentParser, joint: bool = True) -> None:
+    """--column, --joint and --strict: what recordings, bags and tables alike, do not say themselves."""
+    add = parser.add_argument
+    which = "of a table: which column, by name or number from 1, is time, position, torque, velocity, temperature or reference"
+    add("--column", action="append", default=[], metavar="SIGNAL=COLUMN[:UNIT]", help=which)
+    if joint:
+        add("--joint", default="", metavar="NAME", help="which joint of the recording; of a table also its number from 0")
+    add("--strict", action="store_true", help="refuse a recording in which something would have to be mended")
+
+
+def choice_of(arguments: argparse.Namespace) -> Choice:
+    """What --column, --joint and --strict say. Raises InputError for a column that is none."""
+    return Choice(columns_of(arguments.column), arguments.joint or "", arguments.strict)
 
 
 def add_plant(parser: argparse.ArgumentParser) -> None:

@@ -9,26 +9,32 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
+from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import never_over_an_input
+from tcs_friction.commands.parser import name_word
+from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import axis_file_mapping, write_whole
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import InputError, printable
 from tcs_friction.identify.first_axis import FirstAxis, first_axis
 from tcs_friction.identify.first_axis_reasons import doubts, reasons
-from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.bags import agreeing, read_recordings
+from tcs_friction.recording.decode import READABLE, SERIALISED
 from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
-from tcs_friction.recording.tables import TABLES, import_table
-from tcs_friction.recording.units import DRIVE
+from tcs_friction.recording.table_files import is_table
+from tcs_friction.recording.tables import import_table
 from tcs_friction.writable import output_file
 
 LINEAR_WORDS = ("linear", "slide", "carriage", "gantry", "prismatic", "stage", "force", "thrust", "rail", "ballscrew")
@@ -43,10 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("recordings", nargs="+", type=Path, metavar="BAG_OR_CSV", help="recordings of one axis under one controller")
     add("-o", "--output", required=True, type=output_file, metavar="AXIS.yaml", help="where the axis file goes")
-    add("--name", help="of the axis (default: its joint's name, or the file's)")
+    add("--name", type=name_word, help="of the axis (default: its joint's name, or the file's)")
     add("--kind", choices=("rotary", "linear"), help="of the axis (default: told from units, names and travel)")
-    add("--joint", help="which joint of the bag (default: the first); of a table, what to call it")
-    add("--column", action="append", default=[], metavar="SIGNAL=COLUMN", help="of a table: the column of a signal")
+    add_reading(parser, joint=False)
+    which = "which joint, by name or by number from 0 on (default: 0, the first); of a table with one, what to call it"
+    add("--joint", type=name_word, default="", metavar="NAME", help=which)
+    add_signals(parser)
     add("--force", action="store_true", help="replace an existing file")
     add("--json", action="store_true", help="print what was found as JSON")
 
@@ -56,7 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
     never_over_an_input([arguments.output], arguments.recordings)
     if arguments.output.exists() and not arguments.force:
         raise InputError(str(arguments.output), "exists already", "a new file, or --force")
-    recordings, signals, kind, unit = _read(arguments)
+    recordings, signals, kind = _read(arguments)
     name = arguments.name or signals.position.joint or arguments.recordings[0].stem
     if kind is None:
         kind, why = _kind(recordings, signals)
@@ -65,9 +73,6 @@ def run(arguments: argparse.Namespace) -> None:
     with status_line() as show:
         found = first_axis(recordings, name, kind, signals, show)
     told = {("axis", "kind"): why, **reasons(found, recordings)}
-    if unit in DRIVE:
-        base, torque = unit.removeprefix("m"), "N" if kind == "linear" else "N m"
-        told["signals", "torque"] = f"recorded in {unit} of the drive: read {base} for {torque} wherever that stands"
     sources = ", ".join(map(str, arguments.recordings))
     heading = [f"Made by tcs-friction from {sources}. Look at it before a loop is closed with it."]
     heading += [f"Doubtful: {line}." for line in doubts(found)]
@@ -76,51 +81,40 @@ def run(arguments: argparse.Namespace) -> None:
     _tell(arguments, found, why)
 
 
-def _read(arguments: argparse.Namespace) -> tuple[Sequence[Recording], SignalMap, str | None, str]:
-    """Recordings, their signals, the kind of axis and the torque's unit as far as they are told."""
-    tables = [path.suffix.lower() in TABLES for path in arguments.recordings]
+def _read(arguments: argparse.Namespace) -> tuple[Sequence[Recording], SignalMap, str | None]:
+    """Recordings, their signals, and the kind of axis as far as it is told."""
+    tables, choice = [is_table(path) for path in arguments.recordings], choice_of(arguments)
     if any(tables) and not all(tables):
         raise InputError("recordings", "bags and tables together", "bags, or tables")
+    if all(tables) and arguments.signal:
+        raise InputError("--signal", "given for a table", "a bag, or --column for a table")
     if all(tables):
-        chosen = dict(_pair(word) for word in arguments.column)
-        imported = [import_table(path, arguments.joint or "axis", chosen, kind=arguments.kind) for path in arguments.recordings]
+        imported = [import_table(path, choice.joint, choice.columns, kind=arguments.kind) for path in arguments.recordings]
         first = imported[0]
-        return [one.recording for one in imported], first.signals, arguments.kind or first.kind, first.torque_unit
+        return agreeing([one.recording for one in imported], choice), first.signals, arguments.kind or first.kind
     if arguments.column:
-        raise InputError("--column", "given for a bag", "a table")
-    proposal = bag_info(arguments.recordings[0]).signals
+        raise InputError("--column", "given for a bag", "a table, or --signal for a bag")
+    signals = _proposed(arguments, choice.joint)
+    return read_recordings(arguments.recordings, signals, replace(choice, joint="")), signals, arguments.kind
+
+
+def _proposed(arguments: argparse.Namespace, joint: str) -> SignalMap:
+    """The signals of the first bag, those that are named and the others as proposed; says which joint it takes of several."""
+    info, where = bag_info(arguments.recordings[0]), str(arguments.recordings[0])
+    proposal = with_signals(of_joint(info.signals, info.joints, joint or None), named_signals(arguments.signal))
     if not {"position", "torque"} <= set(proposal):
-        lacking = " and ".join(name for name in ("position", "torque") if name not in proposal)
-        where = str(arguments.recordings[0])
-        raise InputError(where, f"nothing in it looks like {lacking} of an axis", "a signals block of your own (./tcs bag info)")
-    signals = SignalMap.from_mapping(_of_joint(proposal, arguments), str(arguments.recordings[0]))
-    return read_recordings(arguments.recordings, signals), signals, arguments.kind, ""
-
-
-def _pair(word: str) -> tuple[str, str]:
-    signal, separator, column = word.partition("=")
-    if not separator:
-        raise InputError("--column", repr(word), "SIGNAL=COLUMN")
-    return signal, column
-
-
-def _of_joint(proposal: Mapping[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
-    """The proposal for another joint than the first, where one is asked for."""
-    block = {name: dict(entry) for name, entry in proposal.items()}
-    asked, first = arguments.joint, block["position"].get("joint")
-    if asked is None or asked == first:
-        return block
-    others = {name.removesuffix("_velocity"): name for name in block.get("exogenous", {}) if name.endswith("_velocity")}
-    if asked not in others:
-        raise InputError("--joint", f"no joint {asked!r}", nearest(asked, [*([first] if first else []), *others]))
-    for name in ("position", "velocity", "torque"):
-        if name in block and block[name].get("joint") == first:
-            block[name]["joint"] = asked
-    exogenous = block.pop("exogenous")
-    del exogenous[others[asked]]
-    if "velocity" in block:
-        exogenous[f"{first}_velocity"] = {**block["velocity"], "joint": first}
-    return block | ({"exogenous": exogenous} if exogenous else {})
+        foreign = next((line for topic in info.topics for line in topic.findings if line.startswith(SERIALISED)), "")
+        if foreign:
+            raise InputError(where, foreign, READABLE)
+        lacking = [name for name in ("position", "torque") if name not in proposal]
+        expected = " and ".join(f"--signal {name}=/TOPIC:FIELD" for name in lacking)
+        raise InputError(where, f"nothing in it looks like {' and '.join(lacking)} of an axis", f"{expected} (./tcs bag info)")
+    signals = SignalMap.from_mapping(proposal, where)
+    if len(info.joints) > 1 and not joint and signals.position.joint is not None:
+        names = ", ".join(f"{number} {name}" for number, name in enumerate(info.joints))
+        taken = f"{where}: joint {signals.position.joint} taken of {names}; --joint takes another"
+        print(f"tcs-friction: {printable(taken)}", file=sys.stderr)
+    return signals
 
 
 def _kind(recordings: Sequence[Recording], signals: SignalMap) -> tuple[str, str]:
@@ -174,7 +168,7 @@ def _tell(arguments: argparse.Namespace, found: FirstAxis, why: str) -> None:
         content["doubts"] = list(doubts(found))
         print(json.dumps(content, allow_nan=False))
         return
-    unit = "kg m^2" if axis.kind == "rotary" else "kg"
+    unit = axis.unit("kg m^2")
     print(f"{arguments.output}: {axis.kind} axis {axis.name} ({why}), {axis.inertia:.4g} {unit}, {axis.friction.term.id}")
     for line in doubts(found):
         print(f"  doubtful: {line}")

@@ -6,6 +6,8 @@ import argparse
 import sys
 from types import ModuleType
 
+from tcs_friction.errors import printable
+
 
 class _Parser(argparse.ArgumentParser):
     """argparse in this project's voice: one line."""
@@ -31,3 +33,10 @@ def positive(word: str) -> int:
     if not word.isdecimal() or int(word) < 1:
         raise argparse.ArgumentTypeError(f"{word!r} is no whole number from 1 on")
     return int(word)
+
+
+def name_word(word: str) -> str:
+    """A name that can be written into a file, as the `type` of an argument: bytes that are no UTF-8 cannot."""
+    if not word.isprintable():
+        raise argparse.ArgumentTypeError(f"'{printable(word)}' is no text")
+    return word

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from tcs_friction.commands.inputs import add_recordings
+from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.config import load_axis, write_whole
@@ -26,7 +26,7 @@ from tcs_friction.identify.plant_response import (
     of_recordings,
 )
 from tcs_friction.recording.bags import read_recordings
-from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.report.response import explained, sentence, write_report
 
 WRITTEN = ("response.json", "report.html")
@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     axis = "axis file: known delay, and where the signals are"
     add_recordings(parser, "recordings of an excited run", axis)
+    add_reading(parser)
     parser.add_argument(
         "--lowest", type=float, metavar="HZ", help="default: what the length of the recordings allows"
     )
@@ -51,7 +52,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Read, estimate, fit, write, say what came out."""
     results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis)
-    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis))
+    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis), choice_of(arguments), file.axis.kind)
+    file = file.measured_in(same_torque_unit(recordings))
     lowest, highest = frequencies(recordings, arguments.lowest, arguments.highest)
     measured = of_recordings(recordings, lowest, highest, file.axis.actuation_delay)
     models = (fit_second_order(measured), fit_two_inertias(measured))
@@ -66,8 +68,8 @@ def run(arguments: argparse.Namespace) -> None:
     with writing_into(arguments.output):
         write_whole(arguments.output / "response.json", text + "\n")
     sources = [recording.source for recording in recordings]
-    path = write_report(arguments.output, measured, models, file.axis.kind, sources, notes)
-    shown = [sentence(models, file.axis.kind), *map(_line, models), *notes, str(path)]
+    path = write_report(arguments.output, measured, models, file.axis.unit, sources, notes)
+    shown = [sentence(models, file.axis.unit), *map(_line, models), *notes, str(path)]
     print(text if arguments.json else "\n".join(shown))
     if not explained(models):
         found = f"neither model fits, misfit {100 * min(model.misfit for model in models):.0f} %"

@@ -35,7 +35,8 @@ from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.mujoco_axis import MujocoSimulator
-from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.bags import NOTHING_CHOSEN, read_recordings
+from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, graph_signals
 from tcs_friction.recording.write import write_recording
@@ -123,13 +124,13 @@ def default_signals(axis: str) -> SignalMap:
     return graph_signals(f"/{axis}", axis)
 
 
-def read_surroundings(file: AxisFile, bag: Path | None) -> Recording | None:
+def read_surroundings(file: AxisFile, bag: Path | None, choice: Choice = NOTHING_CHOSEN) -> Recording | None:
     """The recording that --surroundings names. Raises InputError where the axis file does not say where the signals are."""
     if bag is None:
         return None
     if file.signals is None:
         raise InputError("--surroundings", "no signals block in the axis file", "where the signals are")
-    (source,) = read_recordings([bag], file.signals)
+    (source,) = read_recordings([bag], file.signals, choice, file.axis.kind)
     return source
 
 

@@ -27,6 +27,7 @@ from tcs_friction.conditioning.rest import unknown_friction
 from tcs_friction.conditioning.sampling import jitter, resampled
 from tcs_friction.errors import InputError
 from tcs_friction.recording.columns import counted
+from tcs_friction.recording.mending import mendings
 from tcs_friction.recording.recording import Recording
 
 SHORTEST = 2.0  # s; two periods of the lowest cutoff
@@ -82,7 +83,7 @@ def prepare(
         position_step=step,
         names=tuple(recordings[0].exogenous),
         temperature=all(r.temperature is not None for r in recordings),
-        notes=(*notes, *_notes(band, period, step, sum(map(len, pauses)))),
+        notes=(*mendings(recordings), *notes, *_notes(band, period, step, sum(map(len, pauses)))),
     )
 
 

@@ -21,6 +21,8 @@ from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
+from tcs_friction.recording.table_files import is_table
+from tcs_friction.recording.tables import import_table
 
 Progress = Callable[[float, str], None]
 SIMPLEST = frozenset({Feature.DRY, Feature.VISCOUS})  # what any motion to and fro at several speeds determines
@@ -28,7 +30,9 @@ BIAS = 3.0  # standard deviations from which a constant torque is believed
 
 
 def signals_of(bag: Path) -> SignalMap:
-    """Where position and torque are in a bag that nobody has described. Raises InputError when they cannot be found."""
+    """Where position and torque are in a bag or table that nobody has described. Raises InputError when they cannot be found."""
+    if is_table(bag):
+        return import_table(bag, "", {}).signals
     block = bag_info(bag).signals
     for name in ("position", "torque"):
         if name not in block:

@@ -2,6 +2,7 @@
 
     - {axis: axes/azimuth.yaml}                                        # the signals of the axis file decide
     - {axis: axes/dome.yaml, topic: /dome/*, joint: dome, path: dome_*, from: 2025-03-01, to: 2026-01-01}
+    - {axis: axes/focus.yaml, path: focus/*.csv, columns: {torque: "motor current:A"}}
 """
 
 from __future__ import annotations
@@ -19,10 +20,14 @@ from typing import Any
 from tcs_friction.config import AxisFile, axis_file_mapping, load_axis, mapping, parse_axis
 from tcs_friction.errors import InputError
 from tcs_friction.fleet.rows import NO_AXIS
+from tcs_friction.recording.choice import Choice
+from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
+from tcs_friction.recording.table_names import NAMES
+from tcs_friction.recording.tables import import_table
 from tcs_friction.yaml_files import load_yaml_of_any_kind
 
-KEYS = ("axis", "topic", "joint", "from", "to", "path")
+KEYS = ("axis", "topic", "joint", "from", "to", "path", "columns")
 DAY = 86_400 * 10**9
 LATEST = 1 << 62  # ns since 1970
 
@@ -32,7 +37,8 @@ class FleetAxis:
     """An entry of AXES.yaml. `text` is the axis file as JSON, which a process that works on recordings reads once.
 
     topic: pattern that a topic of the recording fits, "" for any. path: pattern that its path, or the end of it, fits.
-    since, until: ns since 1970; a recording that began at or after the first and before the second fits.
+    since, until: ns since 1970; a recording that began at or after the first and before the second fits. columns: of
+    tables, signal and column, where the names do not tell. strict: whether recordings that have to be mended are refused.
     """
 
     name: str
@@ -41,6 +47,24 @@ class FleetAxis:
     path: str = ""
     since: int = 0
     until: int = LATEST
+    columns: tuple[tuple[str, str], ...] = ()
+    strict: bool = False
+
+    @property
+    def decides(self) -> str:
+        """All that a row depends on."""
+        choice = f" {self.columns} {self.strict}" if self.columns or self.strict else ""
+        return f"{self.text}{choice}"
+
+    def told(self, choice: Choice) -> FleetAxis:
+        """The same with what somebody says on the command line as well."""
+        columns = tuple(sorted({**dict(self.columns), **choice.columns}.items()))
+        text = _text(self.file, self.signals.of_joint(choice.joint)) if choice.joint else self.text
+        return replace(self, text=text, columns=columns, strict=choice.strict)
+
+    def table(self, path: Path) -> Recording:
+        """A table as a recording of this axis."""
+        return import_table(path, "", dict(self.columns), self.signals, self.file.axis.kind).recording
 
     @property
     def file(self) -> AxisFile:
@@ -92,22 +116,18 @@ def _entry(entry: object, path: Path, where: str) -> FleetAxis:
     file = load_axis(source)
     signals = file.mapped(source)
     if block.get("joint"):
-        signals = _of_joint(signals, block["joint"])
+        signals = signals.of_joint(block["joint"])
     if file.axis.name == NO_AXIS or "/" in file.axis.name or not file.axis.name.strip("."):
         raise InputError(str(source), f"axis: name is {file.axis.name!r}", "a name that can be one of a folder")
-    text = json.dumps(axis_file_mapping(AxisFile(file.axis, signals)), sort_keys=True)
-    return FleetAxis(file.axis.name, text, block.get("topic") or "", block.get("path") or "", since, until)
+    columns = mapping(block.get("columns") or {}, f"{where}: columns", tuple(NAMES))
+    if not all(isinstance(column, str) and column for column in columns.values()):
+        raise InputError(f"{where}: columns", repr(dict(columns)), "SIGNAL: COLUMN, each a text")
+    chosen, text = tuple(sorted(columns.items())), _text(file, signals)
+    return FleetAxis(file.axis.name, text, block.get("topic") or "", block.get("path") or "", since, until, chosen)
 
 
-def _of_joint(signals: SignalMap, joint: str) -> SignalMap:
-    """The signals of another joint of the same messages."""
-    own = signals.position.joint
-    moved = {
-        name: replace(source, joint=joint)
-        for name in ("position", "velocity", "torque")
-        if (source := getattr(signals, name)) is not None and (source.joint == own or name == "position")
-    }
-    return replace(signals, **moved)
+def _text(file: AxisFile, signals: SignalMap) -> str:
+    return json.dumps(axis_file_mapping(AxisFile(file.axis, signals)), sort_keys=True)
 
 
 def _time(block: Mapping[str, Any], key: str, where: str, default: int) -> int:

@@ -14,7 +14,6 @@ from tcs_friction.fleet.sources import Found
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.decode import Batch, Decoder
 from tcs_friction.recording.mcap_index import IndexedBag
-from tcs_friction.recording.tables import import_table
 
 HEAD = 2000
 """Messages of a topic that are looked at for a joint: several nodes may publish on one topic in turn."""
@@ -52,7 +51,8 @@ def look_at(found: Found, axes: Sequence[FleetAxis], axes_key: str, known_hash: 
 
 def _table(look: Look, found: Found, axes: Sequence[FleetAxis]) -> Look:
     with at_hand(found) as path:
-        recording = import_table(path, "", {}, kind=axes[0].file.axis.kind).recording
+        likely = next((axis for axis in axes if axis.fits(found.name, (), axis.since)), axes[0])
+        recording = likely.table(path)
     fitting = tuple(axis.name for axis in axes if axis.fits(found.name, (), recording.start))
     reason = "" if fitting else "no axis fits its path and time"
     count = len(fitting)

@@ -41,7 +41,7 @@ class Plan:
 
     def version(self, axis: FleetAxis | None) -> str:
         """Of this package, and a hash of what decides about the rows of an axis, or of recordings of none."""
-        decides = f"{axis.text if axis else self.axes_key} {self.diagnosed} {self.samples}"
+        decides = f"{axis.decides if axis else self.axes_key} {self.diagnosed} {self.samples}"
         return f"{package_version()}+{hashlib.sha256(decides.encode()).hexdigest()[:12]}"
 
 

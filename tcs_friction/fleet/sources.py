@@ -19,8 +19,9 @@ from fsspec.core import url_to_fs
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import SUFFIXES
+from tcs_friction.recording.table_files import TABLES as ALL_TABLES
 
-TABLES = (".csv", ".parquet")
+TABLES = tuple(ending for ending in ALL_TABLES if not ending.startswith(".txt"))  # a .txt file in a folder is a remark
 METADATA = "metadata.yaml"
 GLOB = "*?["
 TAGS = ("ETag", "etag", "md5Hash", "content_md5")
@@ -46,7 +47,7 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class Found:
-    """A recording. name: path or URL as it was given, or as what was given led to it. table: whether it is CSV or Parquet."""
+    """A recording. name: path or URL as it was given, or as what was given led to it. table: whether it is a table."""
 
     name: str
     protocol: str
@@ -104,7 +105,7 @@ def find(words: Sequence[str], leave_out: str = "") -> tuple[Found, ...]:
         for one in _recordings(word, leave_out):
             found.setdefault(one.name, one)
     if not found:
-        raise InputError(" ".join(words), "no recordings", "bags (folders, .mcap, .db3, .bag) or tables (.csv, .parquet)")
+        raise InputError(" ".join(words), "no recordings", "bags (folders, .mcap, .db3, .bag) or tables (.csv, .parquet, ...)")
     return tuple(found[name] for name in sorted(found))
 
 
@@ -176,7 +177,7 @@ def _grouped(files: Sequence[StoredFile], protocol: str, name: Any) -> Iterator[
             yield Found(name(folder), protocol, (*metadata, *whole), folder=True)
             bags = [file for file in bags if file not in whole]
         yield from (Found(name(file.path), protocol, (file,)) for file in bags)
-        tables = (file for file in inside if _suffix(file.path) in TABLES)
+        tables = (file for file in inside if file.path.lower().endswith(TABLES))
         yield from (Found(name(file.path), protocol, (file,), table=True) for file in tables)
 
 

@@ -22,9 +22,9 @@ from tcs_friction.fleet.rows import DONE, FAILED, NO_AXIS, Row, month_of
 from tcs_friction.fleet.sources import Found
 from tcs_friction.identify.identification import identify
 from tcs_friction.identify.result import Estimate, Identification
+from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.pieces import Span, read_piece
 from tcs_friction.recording.recording import Column, Recording
-from tcs_friction.recording.tables import import_table
 
 STEP = 0.05  # s, over which positions are averaged, so that noise is no travel
 STILL = 0.05  # of the rms speed: slower is no motion one way or the other
@@ -78,14 +78,15 @@ def unassigned(recording: str, input_hash: str, version: str, reason: str) -> Ro
 def _row(task: Task) -> Row:
     try:
         recording = _read(task)
-        found = identify([recording], task.axis.file.axis)
+        file = task.axis.file.measured_in(recording.torque_unit)
+        found = identify([recording], file.axis)
     except Exception as error:  # a bag that fails is a row with its reason, whatever it did
         return failed(task, reason_of(error, task.found))
     row = _identified(task, recording, found)
     if not task.diagnosed:
         return row
     try:
-        return _diagnosed(row, diagnose([recording], task.axis.file))
+        return _diagnosed(row, diagnose([recording], file))
     except Exception as error:
         return replace(row, reason=f"no diagnosis: {reason_of(error, task.found)}")
 
@@ -94,10 +95,14 @@ def _read(task: Task) -> Recording:
     found, axis = task.found, task.axis
     if found.table:
         with at_hand(found) as path:
-            recording = import_table(path, "", {}, axis.signals, axis.file.axis.kind).recording
-        return recording if task.span is None else _part(recording, task.span)
-    with opened(found, by_index=task.span is not None and task.span.start > 0) as bag:
-        return read_piece(bag, axis.signals, task.span)
+            recording = axis.table(path)
+        recording = recording if task.span is None else _part(recording, task.span)
+    else:
+        with opened(found, by_index=task.span is not None and task.span.start > 0) as bag:
+            recording = read_piece(bag, axis.signals, task.span)
+    if axis.strict:
+        refuse_mended([recording])
+    return recording
 
 
 def _part(recording: Recording, span: Span) -> Recording:

@@ -16,7 +16,6 @@ from tcs_friction.identify.result import Errors, Estimate, Fit
 from tcs_friction.identify.sharpen import Sharpened
 from tcs_friction.identify.uncertainty import block_bootstrap, correlations, cramer_rao, sandwich
 from tcs_friction.numerics.by_speed import TorqueBySpeed, linear_std, speed_bins, torque_by_speed
-from tcs_friction.physics.terms import unit_on
 
 LEAST_ONE_WAY = 50  # compared samples of motion one way, for a fit of their own
 UNCERTAINTIES = ("sandwich", "bootstrap")
@@ -218,7 +217,7 @@ def _covariance(refined: Refined, free: np.ndarray, uncertainty: str) -> np.ndar
 
 def _unit(problem: Problem, k: int) -> str:
     declared = [p.unit for p in problem.axis.friction.term.parameters]
-    return unit_on(problem.axis.kind, [*declared, "kg m^2", "N m", "s"][k])
+    return problem.axis.unit([*declared, "kg m^2", "N m", "s"][k])
 
 
 def _estimate(problem: Problem, verdicts: Verdicts, covariance: np.ndarray, k: int) -> Estimate:

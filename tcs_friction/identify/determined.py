@@ -12,7 +12,7 @@ from tcs_friction.identify.problem import Problem
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.start import with_sliding_states
 from tcs_friction.identify.uncertainty import sandwich
-from tcs_friction.physics.terms import Feature, unit_on
+from tcs_friction.physics.terms import Feature
 
 LARGEST_RELATIVE = 0.5  # relative standard deviation above which a number would mean nothing
 NEGLIGIBLE = 0.02  # of the torque's size: a parameter whose uncertainty matters less is known well enough
@@ -224,7 +224,7 @@ def _reason(problem: Problem, k: int) -> str:
         motion = problem.motion
         sliding = np.abs(motion.velocity[np.abs(motion.velocity) > motion.resolution])
         slow = float(np.quantile(sliding, 0.02)) if len(sliding) else 0.0
-        unit = unit_on(problem.axis.kind, "rad/s")
+        unit = problem.axis.unit("rad/s")
         return f"no drop from static to Coulomb torque shows; slowest sliding is about {slow:.3g} {unit}"
     if name in PRESLIDING:
         return "its share of the torque at reversals does not rise above the residual"

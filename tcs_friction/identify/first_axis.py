@@ -33,7 +33,7 @@ from tcs_friction.identify.rough_comparison import RoughFit, compare_roughly
 from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import instance
-from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.recording.signals import SignalMap
 
 LAWS = ("coulomb_viscous", "stribeck_static", "dahl_viscous", "lugre")
@@ -88,7 +88,7 @@ def first_axis(
         motion = prepare(recordings)
         signals = replace(signals, torque=replace(signals.torque, scale=-signals.torque.scale))
     position = position_torque(motion, kind, largest)
-    guess = _guess(name, kind, position, motion, largest)
+    guess = replace(_guess(name, kind, position, motion, largest), torque_unit=same_torque_unit(recordings))
     rough, left_out = compare_roughly(motion, guess, LAWS, lambda law: progress(_which(law)))
     found, refused = _identified(recordings, guess, rough, progress)
     axis = identified_axis(guess, _without_chance(found, largest))

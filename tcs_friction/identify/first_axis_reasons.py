@@ -20,7 +20,7 @@ def reasons(first: FirstAxis, recordings: Sequence[Recording]) -> dict[Path, str
     """Of the values of the file, by their paths; those without one are left out."""
     axis, found, control = first.file.axis, first.found, first.file.control
     assert control is not None
-    unit, length = ("N m", "rad") if axis.kind == "rotary" else ("N", "m")
+    unit, length = axis.unit("N m"), axis.unit("rad")
     rows = [*(f"{one.law} {one.held_out:.3g}" for one in first.rough), *(f"{law} not fitted" for law in first.left_out)]
     slower = control.controller.position_proportional / (2.0 * math.pi)
     speed = control.controller.velocity_proportional / axis.inertia
@@ -77,7 +77,7 @@ def doubts(first: FirstAxis) -> tuple[str, ...]:
 
 def _doubts(first: FirstAxis) -> Iterator[str]:
     found, motion, axis = first.found, first.motion, first.file.axis
-    unit = "N m" if axis.kind == "rotary" else "N"
+    unit = axis.unit("N m")
     if not found.inertia.determined:
         yield "the inertia, and with it the controller's gains, is not determined: record quicker motion first"
     if first.work.sign is Sign.TURNED:

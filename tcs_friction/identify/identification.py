@@ -35,6 +35,7 @@ from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.physics.registry import offset
 from tcs_friction.physics.terms import Instance, instance
+from tcs_friction.recording.mending import mendings
 from tcs_friction.recording.recording import Recording
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
@@ -115,11 +116,15 @@ def identify(
     motion = prepare(data, options.bandwidth, options.loss == "huber", known)
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError("identification", "the axis never moves", "a recording of motion")
+    for one in data:
+        if isinstance(one, Recording) and not np.ptp(one.torque) > 0.0:
+            raise InputError(one.source, f"the torque is constant ({one.torque[0]:g})", "the torque applied to the axis")
     free_inertia = not options.hold_inertia and not motion.measured
     if free_inertia:
         axis = replace(axis, inertia=likely_inertia(axis.inertia, motion))
     free_timing = known is None and not motion.measured
-    task = _Task(axis, method, law, seed, options, believed, free_inertia, free_timing, progress, cancel)
+    mended = mendings([one for one in data if isinstance(one, Recording)])
+    task = _Task(axis, method, law, seed, options, believed, free_inertia, free_timing, mended, progress, cancel)
     found = _attempt(task, motion)
     for timing in _other_timings(task, motion, found):
         if not cancel():
@@ -129,7 +134,7 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is asked for, whatever the timing of the torque."""
+    """What is asked for, whatever the timing of the torque. mended: in the recordings, on reading them."""
 
     axis: Axis
     method: str
@@ -139,6 +144,7 @@ class _Task:
     believed: Mapping[str, float]
     free_inertia: bool
     free_timing: bool
+    mended: tuple[str, ...]
     progress: Callable[[Generation], None]
     cancel: Callable[[], bool]
 
@@ -248,7 +254,7 @@ def _concluded(task: _Task, done: _Found, began: float) -> Identification:
         bound=concluded.bounds(),
         seed=task.seed,
         profiles=profiles(concluded, task.cancel) if options.profile and done.polished else {},
-        notes=(*motion.notes, *verdicts.notes, *end.notes, *told),
+        notes=(*task.mended, *motion.notes, *verdicts.notes, *end.notes, *told),
         timing=timing,
         noise=None if sharp is None else sharp.noise,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from tcs_friction.live.headline import SILENT_AFTER, Headline, Situation, headli
 from tcs_friction.live.results import Results
 from tcs_friction.live.traces import BINS, COMPENSATION, CURVES, ESTIMATE, REFERENCE, STATES, WINDOWS, Traces
 from tcs_friction.nodes.page_state import Condition, Job, Switches
+from tcs_friction.physics.axis import Axis
 
 MOST_NODES, MOST_ORDERS = 60, 8
 FORGOTTEN = 300.0  # s after which a node that has gone is no longer listed
@@ -42,6 +43,12 @@ class Units:
 
 ROTARY = Units("arcsec", "rad/s", "N m", "rad", float(ARCSEC))
 LINEAR = Units("µm", "m/s", "N", "m", 1e-6)
+
+
+def units_of(axis: Axis) -> Units:
+    """How the page writes what this axis does."""
+    usual = ROTARY if axis.kind == "rotary" else LINEAR
+    return replace(usual, torque=axis.unit("N m"))
 
 
 @dataclass

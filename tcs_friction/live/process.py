@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tcs_friction.errors import JobError
 from tcs_friction.live.access import Access
-from tcs_friction.live.hub import LINEAR, ROTARY, Hub
+from tcs_friction.live.hub import Hub, units_of
 from tcs_friction.live.serving import bound, served, url
 from tcs_friction.nodes.arguments import made_with
 from tcs_friction.nodes.axes import arguments_by_axis
@@ -25,7 +25,7 @@ def serve(axes: Sequence[str], ros_arguments: Sequence[str], rules: Access, port
     hubs, makers = {}, []
     for name, arguments in zip(axes, by_axis.values(), strict=True):
         axis = axis_file(name).axis
-        hub = hubs[axis.name] = Hub(axis.name, ROTARY if axis.kind == "rotary" else LINEAR, results)
+        hub = hubs[axis.name] = Hub(axis.name, units_of(axis), results)
         makers.append(functools.partial(made_with, functools.partial(PageFeed, hub), arguments))
     with served(hubs, rules, listening) as failure:
         address = url(rules.host, listening.getsockname()[1])

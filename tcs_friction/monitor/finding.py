@@ -12,7 +12,6 @@ from tcs_friction.monitor.bank import BINS, COORDINATES, LINEAR, SPEED_BANDS, WI
 from tcs_friction.monitor.baseline import Baseline
 from tcs_friction.monitor.evidence import LOOKS, Evidence, combined
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import unit_on
 
 PREFERRED = ("direction", "speed", "position", "order", "frequency", "time")
 """Which coordinate is named where several speak as clearly: friction changes more often than the torque everywhere does."""
@@ -90,11 +89,11 @@ def _linear(
         sign, size = (int(i) for i in np.unravel_index(int(np.argmax(grown[at])), grown[at].shape))
     test = described(base.known, first + at, axis.cycle, axis.kind)
     deviation, weight = evidence.moved[first + at, sign, size]
-    change, unit = float(deviation / weight) if weight > 0.0 else 0.0, unit_on(axis.kind, "N m")
+    change, unit = float(deviation / weight) if weight > 0.0 else 0.0, axis.unit("N m")
     if test.coordinate in PERIODIC:
         change = abs(change)
     if test.coordinate == "speed" and at == SPEED_BANDS:
-        change, unit = change / float(base.known.speeds[-1]), unit_on(axis.kind, "N m s/rad")
+        change, unit = change / float(base.known.speeds[-1]), axis.unit("N m s/rad")
     since = float(evidence.since[first + at, sign, size])
     return Finding(test.coordinate, test.what, test.low, test.high, test.unit, change, unit, since, *certainty)
 
@@ -105,5 +104,5 @@ def _line(evidence: Evidence, axis: Axis, certainty: tuple[float, float, tuple[s
     lines = frequencies()
     step, frequency = float(lines[1] - lines[0]), float(lines[line])
     amplitude = 2.0 * math.sqrt(max(float(evidence.power[line]), 0.0) / WINDOW)
-    since, unit = float(evidence.line_since[line, rise]), unit_on(axis.kind, "N m")
+    since, unit = float(evidence.line_since[line, rise]), axis.unit("N m")
     return Finding("frequency", "vibration", frequency - step, frequency + step, "Hz", amplitude, unit, since, *certainty)

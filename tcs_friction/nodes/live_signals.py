@@ -77,7 +77,7 @@ class LiveSignals:
     def _take(self, signal: Signal, message: Any) -> None:
         source = signal.source
         try:
-            value = source.scale * number_in(message, source)
+            value = source.si(number_in(message, source))
         except NO_NUMBER:
             self._health.refuse(f"{source.topic} refused: it has no number {source.field} of {source.joint or 'its own'}")
             return

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from tcs_friction.errors import InputError
 from tcs_friction.physics.registry import alignment
-from tcs_friction.physics.terms import Feature, Instance, Place, instance
+from tcs_friction.physics.terms import Feature, Instance, Place, instance, unit_on
+
+Unit = Callable[[str], str]
+"""How an axis writes a unit of a rotary one, as `Axis.unit` does; `str` for a rotary one whose torque is in N m."""
 
 KINDS = ("rotary", "linear")
 SLOWEST = 1.0  # 1/s, of the rates that an integration step resolves: no step needs to be longer
@@ -31,6 +34,7 @@ class Drive:
     limit: float = math.inf  # N m, saturation
     noise: float = 0.0  # N m rms, coloured torque noise
     noise_bandwidth: float = 10.0  # Hz, of the first-order filter that colours it
+    rated_torque: float = 0.0  # N m, of which torques in per cent are shares; 0: not known
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,7 @@ class Axis:
     actuation_delay: float = 0.0  # s, known delay between logged torque and its action
     sensors: Sensors = field(default_factory=Sensors)
     drive: Drive = field(default_factory=Drive)
+    torque_unit: str = ""  # A, V or % where torque is known up to a constant; "": N m or N
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -65,6 +70,10 @@ class Axis:
                 raise InputError(
                     f"axis {self.name}: effects", f"{item.term.id} is a friction law", "an effect"
                 )
+
+    def unit(self, unit: str) -> str:
+        """What this axis has where a rotary one whose torque is in N m has `unit`."""
+        return unit_on(self.kind, unit, self.torque_unit)
 
     @property
     def cycle(self) -> float:

@@ -46,9 +46,9 @@ class Parameter:
     feature: Feature | None = None
     stated: bool = True
 
-    def unit_for(self, kind: str) -> str:
-        """Unit on an axis of this kind ("rotary" or "linear")."""
-        return self.unit if self.role is Role.PHASE else unit_on(kind, self.unit)
+    def unit_for(self, kind: str, torque: str = "") -> str:
+        """Unit on an axis of this kind ("rotary" or "linear") whose torque is in `torque`, "" for N m or N."""
+        return self.unit if self.role is Role.PHASE else unit_on(kind, self.unit, torque)
 
     def check(self, value: object, where: str) -> float:
         """The value as a float.
@@ -73,12 +73,19 @@ class Harmonic(NamedTuple):
     phase: Parameter | None
 
 
-def unit_on(kind: str, unit: str) -> str:
+def unit_on(kind: str, unit: str, torque: str = "") -> str:
     """The unit that a "rotary" or "linear" axis has where a rotary one has `unit`.
+
+    torque: what torque is in where it is known up to a constant (A, V, %), "" for N m or N.
 
     >>> unit_on("linear", "N m s/rad"), unit_on("linear", "kg m^2"), unit_on("rotary", "1/turn")
     ('N s/m', 'kg', '1/turn')
+    >>> unit_on("rotary", "kg m^2", "A"), unit_on("linear", "N m s/rad", "A")
+    ('A s^2/rad', 'A s/m')
     """
+    if torque:
+        for plain, other in (("kg m^2", f"{torque} s^2/rad"), ("kg m²", f"{torque} s²/rad"), ("N m", torque)):
+            unit = unit.replace(plain, other)
     if kind == "rotary":
         return unit
     for rotary, linear in (("kg m^2", "kg"), ("kg m²", "kg"), ("N m", "N"), ("turn", "m")):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,12 @@ from numpy.typing import NDArray
 from tcs_friction.errors import InputError
 from tcs_friction.recording import clock
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns, counted
+from tcs_friction.recording.mending import mended
+from tcs_friction.recording.publishers import Said, of_the_axis
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.recording.stamps import SAME_PACE, Pace, pace, stamped
+from tcs_friction.recording.unwrap import unwrapped
 
 SLOW = 60_000_000_000
 """ns; over this long a temperature may be interpolated or held whatever its rate."""
@@ -35,23 +40,31 @@ OTHER_CLOCK = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class _Base:
-    """The time base: rows of the position topic in order, their times, and how its header relates to the log."""
+    """The time base: rows of the position topic in order, their times, and how those run beside the log times."""
 
     columns: TopicColumns
     rows: NDArray[np.intp] | slice
     times: Nanoseconds
     restarts: tuple[int, ...]
     headers: bool
-    header_minus_log: int
+
+    @cached_property
+    def seconds(self) -> Column:
+        """The times from the first on, s."""
+        return (self.times - self.times[0]) / 1e9
+
+    @cached_property
+    def pace(self) -> Pace:
+        return pace(self.times, self.columns.log_times[self.rows])
 
 
 def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, notes: Sequence[str] = ()) -> Recording:
     """One recording from the columns of every topic that `signals` names.
 
-    Raises InputError when a needed signal has no usable samples.
+    Raises InputError when a needed signal has no usable samples, and when nobody can tell the clock, the publisher or the turns.
     """
     told = list(notes)
-    base = _base(columns[signals.position.topic], signals.position, source, told)
+    base = _base(columns[signals.position.topic], signals, source, told)
     fine = np.ones(len(base.times), dtype=np.bool_)
     values: dict[str, Column | None] = {}
     log: tuple[Nanoseconds, Column] | None = None
@@ -60,80 +73,147 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
         if signal.topic == base.columns.topic:
             column = base.columns.values[signal][base.rows]
         else:
-            column, own = _from_other_topic(base, columns[signal.topic], name, signal, told)
+            column, own = _from_other_topic(base, columns[signal.topic], name, signal, source, told)
             log = own if name == "torque" else log
         values[name] = _usable(column, fine, name, signal, needed, source, told)
-    return _cut(base, fine, values, signals, source, told, log)
+    passed, cuts = _made_continuous(base, values, source, told)
+    return _cut(base, fine, passed, sorted({*base.restarts, *cuts}), values, signals, source, told, log)
 
 
-def _base(columns: TopicColumns, position: SignalSource, source: str, told: list[str]) -> _Base:
-    headers = _has_headers(columns, told)
+def _base(columns: TopicColumns, signals: SignalMap, source: str, told: list[str]) -> _Base:
+    position = signals.position
+    rows = np.arange(len(columns))
+    if position in columns.absent:
+        rows = np.flatnonzero(~columns.absent[position])
+        left_out = len(columns) - len(rows)
+        told.append(f"{columns.topic}: {left_out} messages without joint {position.joint} passed over")
+    chosen = stamped(columns, source, told)
+    headers = chosen is None or bool(chosen.any())
+    if chosen is not None and headers:
+        rows = rows[chosen[rows]]
     stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
     told.append(f"time base: {'header stamps' if headers else 'log times'} of {columns.topic}")
-    present = np.flatnonzero(~columns.absent[position]) if position in columns.absent else None
-    if present is not None:
-        told.append(f"{columns.topic}: {len(columns) - len(present)} messages without joint {position.joint} passed over")
-        stamps, log_times = stamps[present], columns.log_times[present]
-    else:
-        log_times = columns.log_times
-    line = clock.timeline(stamps, log_times)
-    told.extend(f"{columns.topic}: {note}" for note in line.notes)
+    parts = {"position": position, "velocity": signals.velocity, "torque": signals.torque}
+    rows = _of_one_publisher(columns, parts, stamps, rows, source, told)
+    whole = len(rows) == len(columns)
+    line = clock.timeline(stamps, columns.log_times) if whole else clock.timeline(stamps[rows], columns.log_times[rows])
+    told.extend(mended(f"{columns.topic}: {note}") for note in line.notes)
     if len(line.times) < 2:
         raise InputError(source, f"{len(line.times)} messages with {position}", "at least 2")
-    rows: NDArray[np.intp] | slice = line.rows if present is None else present[line.rows]
-    if len(line.rows) == len(columns):
-        rows = slice(None) if not line.notes else rows  # nothing left out or sorted: no copies
-    offset = int(np.median(columns.stamps - columns.log_times)) if headers and columns.stamps is not None else 0
-    return _Base(columns, rows, line.times, line.restarts, headers, offset)
+    untouched = whole and not line.notes  # nothing left out or sorted: no copies
+    base = _Base(columns, slice(None) if untouched else rows[line.rows], line.times, line.restarts, headers)
+    if headers and (found := base.pace).drifts and abs(found.rate - 1.0) > SAME_PACE:
+        told.append(f"{columns.topic}: header stamps run {found}")
+    return base
 
 
-def _has_headers(columns: TopicColumns, told: list[str]) -> bool:
-    if columns.stamps is None or not len(columns):
-        return False
-    empty = clock.empty_stamps(columns.stamps)
-    if empty:
-        told.append(f"{columns.topic}: {empty} of {len(columns)} header stamps are empty, log times used")
-    return not empty
+def _of_one_publisher(
+    columns: TopicColumns, parts: Mapping[str, SignalSource | None], stamps: Nanoseconds, rows: NDArray[np.intp],
+    source: str, told: list[str],
+) -> NDArray[np.intp]:  # fmt: skip
+    """The rows that one publisher of the joint said."""
+    here = {name: part for name, part in parts.items() if part is not None and part.topic == columns.topic}
+    if len(rows) == len(columns):
+        said = Said(stamps, columns.log_times, {name: columns.values[part] for name, part in here.items()})
+    else:
+        signals = {name: columns.values[part][rows] for name, part in here.items()}
+        said = Said(stamps[rows], columns.log_times[rows], signals)
+    joint = next(iter(here.values())).joint
+    whose = f"{columns.topic} (joint {joint})" if joint is not None else columns.topic
+    kept = of_the_axis(said, whose, source, told)
+    return rows if kept is None else rows[kept]
+
+
+def _made_continuous(
+    base: _Base, values: dict[str, Column | None], source: str, told: list[str]
+) -> tuple[Mask | None, tuple[int, ...]]:
+    """Position, velocity and reference across wraps, in place; which samples are to be passed over, and where the zero is new."""
+    position, velocity, reference = (values.get(name) for name in ("position", "velocity", "reference"))
+    assert position is not None  # _usable has raised otherwise
+    good = np.flatnonzero(np.isfinite(position))
+    whole = len(good) == len(position)
+    found = (
+        unwrapped(base.seconds, position, velocity, source) if whole
+        else unwrapped(base.seconds[good], position[good], None if velocity is None else velocity[good], source)
+    )  # fmt: skip
+    told.extend(map(mended, found.notes))
+
+    def spread(column: Column | None, old: Column | None) -> Column | None:
+        if whole or column is None or old is None:
+            return column
+        new = old.copy()
+        new[good] = column
+        return new
+
+    if found.modulus:
+        values["position"], values["velocity"] = spread(found.position, position), spread(found.velocity, velocity)
+        if reference is not None:
+            values["reference"] = spread(found.beside(reference if whole else reference[good]), reference)
+    passed = np.zeros(len(position), dtype=np.bool_) if found.spikes.any() else None
+    if passed is not None:
+        passed[good[found.spikes]] = True
+    return passed, tuple(int(good[cut]) for cut in found.cuts)
 
 
 def _from_other_topic(
-    base: _Base, columns: TopicColumns, name: str, signal: SignalSource, told: list[str]
+    base: _Base, columns: TopicColumns, name: str, signal: SignalSource, source: str, told: list[str]
 ) -> tuple[Column, tuple[Nanoseconds, Column] | None]:
-    """The signal at the times of the base, and as it was recorded."""
+    """The signal at the times of the base, and as it was recorded, on the clock of the base."""
     values = columns.values[signal]
     usable = np.isfinite(values)
     if not usable.all() and usable.any():
         told.append(f"{name}: {np.count_nonzero(~usable)} samples of {signal} are not finite or absent, left out")
     if not usable.any():
         return np.full(len(base.times), np.nan), None
-    times, log_times = _on_base_clock(base, columns, told)
-    line = clock.timeline(times[usable], log_times[usable])
-    told.extend(f"{columns.topic}: {note}" for note in line.notes)
-    limit = clock.gap_limit(line.times)
+    chosen = stamped(columns, source, told)
+    headers = chosen is None or bool(chosen.any())
+    if chosen is not None and headers:
+        usable &= chosen
+    rows = np.flatnonzero(usable)
+    stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
+    if name == "torque":
+        rows = _of_one_publisher(columns, {name: signal}, stamps, rows, source, told)
+    line = clock.timeline(stamps[rows], columns.log_times[rows])
+    told.extend(mended(f"{columns.topic}: {note}") for note in line.notes)
+    rows = rows[line.rows]
+    times = _on_base_clock(base, columns, line.times, columns.log_times[rows], headers, source, told)
+    limit = clock.gap_limit(times)
     if name == "temperature":
         limit = max(limit, SLOW)
-    ordered = values[usable][line.rows]
     if name == "torque":
         told.append(f"torque: held from {columns.topic} onto the times of {base.columns.topic}")
-        return held(base.times, line.times, ordered, limit), (line.times, ordered)
+        return held(base.times, times, values[rows], limit), (times, values[rows])
     told.append(f"{name}: interpolated from {columns.topic} onto the times of {base.columns.topic}")
-    return interpolated(base.times, line.times, ordered, limit), (line.times, ordered)
+    return interpolated(base.times, times, values[rows], limit), (times, values[rows])
 
 
-def _on_base_clock(base: _Base, columns: TopicColumns, told: list[str]) -> tuple[Nanoseconds, Nanoseconds]:
-    """Times of another topic on the clock of the base; the log time is the bridge between two clocks."""
-    headers = _has_headers(columns, told)
-    if not headers or columns.stamps is None:
-        shift = base.header_minus_log
-        if base.headers:
-            told.append(f"{columns.topic}: log times, moved by {shift * 1e-9:+.6f} s, the usual latency of {base.columns.topic}")
-        return columns.log_times + shift, columns.log_times
-    own = int(np.median(columns.stamps - columns.log_times))
-    if base.headers and abs(own - base.header_minus_log) <= OTHER_CLOCK:
-        return columns.stamps, columns.log_times
-    shift = base.header_minus_log - own
-    told.append(f"{columns.topic}: header stamps on another clock, moved by {shift * 1e-9:+.6f} s to match the log times")
-    return columns.stamps + shift, columns.log_times
+def _on_base_clock(
+    base: _Base, columns: TopicColumns, times: Nanoseconds, log_times: Nanoseconds, headers: bool, source: str, told: list[str]
+) -> Nanoseconds:
+    """Times of another topic on the clock of the base; the log time is the bridge between two clocks.
+
+    Raises InputError where one of the clocks does not keep its pace beside the log times, so that they are no bridge.
+    """
+    topic, main, own = columns.topic, base.pace, pace(times, log_times)
+    for name, paced in ((base.columns.topic, main), (topic, own)):
+        if paced.drifts and not paced.steady:
+            found = f"header stamps of {name} and log times do not keep pace, and {topic} has no stamps of the same clock"
+            if not headers or abs(own.shift - main.shift) > OTHER_CLOCK:
+                raise InputError(source, found, "header stamps of one clock in both")
+    if headers and base.headers and abs(own.shift - main.shift) <= OTHER_CLOCK:
+        return times
+    if not headers and not base.headers:
+        return times
+    moved = f"moved by {(main.shift - own.shift) * 1e-9:+.6f} s"
+    scaled = main.drifts or own.drifts
+    if scaled:
+        moved = f"{moved} and run {main.rate / own.rate:.4g} times as fast"
+    if headers:
+        told.append(mended(f"{topic}: header stamps on another clock, {moved} to match the log times"))
+    else:
+        note = f"{topic}: log times, {moved}, the usual latency of {base.columns.topic}"
+        told.append(mended(note) if scaled else note)
+    return main.at(own.log_of(times))
 
 
 def held(times: Nanoseconds, known: Nanoseconds, values: Column, limit: int) -> Column:
@@ -183,19 +263,22 @@ def _usable(
 
 
 def _cut(
-    base: _Base, fine: Mask, values: dict[str, Column | None], signals: SignalMap, source: str, told: list[str],
-    log: tuple[Nanoseconds, Column] | None,
+    base: _Base, fine: Mask, passed: Mask | None, cuts: Sequence[int], values: dict[str, Column | None],
+    signals: SignalMap, source: str, told: list[str], log: tuple[Nanoseconds, Column] | None,
 ) -> Recording:  # fmt: skip
+    """The samples that are fine, in segments: cut where others are missing, save those that are to be passed over."""
     limit = clock.gap_limit(base.times)
-    kept = np.flatnonzero(fine)
+    kept = np.flatnonzero(fine if passed is None else fine & ~passed)
     whole = len(kept) == len(fine)
     if len(kept) < 2:
         raise InputError(source, f"{len(kept)} samples with position and torque", "at least 2")
     times = base.times if whole else base.times[kept]
     steps = np.diff(times)
-    breaks = (steps > limit) | (np.diff(kept) > 1)
-    for restart in base.restarts:
-        after = int(np.searchsorted(kept, restart))
+    breaks = steps > limit
+    if not whole:
+        breaks |= np.diff(np.cumsum(~fine)[kept]) > 0
+    for cut in cuts:
+        after = int(np.searchsorted(kept, cut))
         if 0 < after < len(kept):
             breaks[after - 1] = True
     if missing := clock.dropped(base.times):
@@ -217,11 +300,11 @@ def _cut(
     assert position is not None  # _usable has raised otherwise
     assert torque is not None
     exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
-    seconds = (times - times[0]) / 1e9
+    seconds = base.seconds if whole else (times - times[0]) / 1e9
     period = clock.usual_period(base.times if log is None else log[0]) * 1e-9
     own = None if log is None or len(log[0]) < 2 else np.vstack([(log[0] - times[0]) / 1e9, log[1]])
     return Recording(
         seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
-        exogenous, segments, source, tuple(told), int(times[0]), own,
+        exogenous, segments, source, tuple(told), int(times[0]), signals.torque_unit, own,
         signals.torque.acts_after(period),
     )  # fmt: skip

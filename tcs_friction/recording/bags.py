@@ -16,15 +16,18 @@ from tcs_friction.errors import InputError, nearest, printable
 from tcs_friction.recording import mcap_read, ros1_read, sqlite_read
 from tcs_friction.recording.align import align
 from tcs_friction.recording.allowance import Allowance
+from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.mcap_index import IndexedBag
+from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.metadata import listed_files
-from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
-from tcs_friction.recording.tables import TABLES, import_table
+from tcs_friction.recording.table_files import is_table, refuse_foreign
+from tcs_friction.recording.tables import import_table
 
 Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan
 SCANS: dict[bytes, type[Scan]] = {
@@ -36,21 +39,37 @@ SUFFIXES: dict[str, type[Scan]] = {
     ".mcap": mcap_read.McapScan, ".db3": sqlite_read.SqliteScan, ".bag": ros1_read.Ros1Scan
 }  # fmt: skip
 
+NOTHING_CHOSEN = Choice()
+
 MOST_MISSING = 5
 """Missing files named in a note."""
 
 
-def read_recordings(bags: Sequence[Path], signals: SignalMap) -> tuple[Recording, ...]:
-    """One recording a bag or table (.csv, .parquet), whose columns are told by their names.
+def read_recordings(
+    bags: Sequence[Path], signals: SignalMap, choice: Choice = NOTHING_CHOSEN, kind: str | None = None
+) -> tuple[Recording, ...]:
+    """One recording a bag or table, whose columns are told by their names, as `choice` has it. kind: of the axis, if it is known.
 
-    Raises InputError when a bag is none, or lacks a topic, field or joint, and when a table lacks a column.
+    Raises InputError when a bag is none, or lacks a topic, field or joint, when a table lacks a column, when the torques of
+    several are in units that do not convert, and when something is mended that must not be.
     """
-    return tuple(map(partial(_recording, signals), map(Path, bags)))
+    return agreeing(tuple(map(partial(_recording, signals, choice, kind), map(Path, bags))), choice)
 
 
-def _recording(signals: SignalMap, path: Path) -> Recording:
-    if path.suffix.lower() in TABLES:
-        return import_table(path, "", {}, signals).recording
+def agreeing(recordings: Sequence[Recording], choice: Choice) -> tuple[Recording, ...]:
+    """Recordings as one data set. Raises InputError where their torques are in other units, or one was mended under --strict."""
+    same_torque_unit(recordings)
+    if choice.strict:
+        refuse_mended(recordings)
+    return tuple(recordings)
+
+
+def _recording(signals: SignalMap, choice: Choice, kind: str | None, path: Path) -> Recording:
+    if is_table(path):
+        return import_table(path, choice.joint, choice.columns, signals, kind).recording
+    if choice.columns:
+        raise InputError("--column", f"given for {path}", "a table")
+    signals = signals.of_joint(choice.joint) if choice.joint else signals
     bag = Bag(path)
     sources = [source for _, source in signals.named()]
     columns, notes = read_columns(bag, sources)
@@ -114,6 +133,7 @@ class Bag:
     def batches(self, topics: Collection[str] | None = None) -> Iterator[Batch]:
         """Messages of the topics (None: all) in the order in which the files hold them, unpacked."""
         self.channels, self.damage, read = set(), Damage(), 0
+        joined: list[str] = []
         self.allowance.renew()
         for path in self.files:
             with self._plain(path) as plain:
@@ -126,10 +146,13 @@ class Bag:
                     if topics is None or batch.channel.topic in topics:
                         yield self._unpacked(batch)
                 self.channels.update(scan.channels.values())
+                if isinstance(scan, mcap_read.McapScan) and scan.files > 1:
+                    self.channels.update(scan.earlier)
+                    joined.append(f"{path.name}: {scan.files} mcap files one behind the other, all read")
                 read += scan.read
         if self.damage and self.damage.unsure and self.stated is not None and self.stated >= read:
             self.damage.lost_messages, self.damage.unsure = self.stated - read, False
-        self.notes = [printable(note) for note in (*self._file_notes, *([str(self.damage)] if self.damage else []))]
+        self.notes = [printable(note) for note in (*self._file_notes, *joined, *([str(self.damage)] if self.damage else []))]
         if not self.channels:
             raise InputError(str(self.path), f"nothing whole in it{self.lament()}", "a recording with messages")
 
@@ -146,6 +169,7 @@ class Bag:
         if kind is sqlite_read.SqliteScan and head != sqlite_read.MAGIC:
             found = found or "is no sqlite3 database"
         if found and len(self.files) == 1:
+            refuse_foreign(path, head)
             raise InputError(str(path), found, "a rosbag2 mcap or sqlite3 file, or a ROS 1 bag")
         if found:
             self.damage.add(f"{path.name} {found}")
@@ -158,6 +182,8 @@ class Bag:
         present = sorted((p for p in self.path.iterdir() if _is_storage(p)), key=_natural)
         metadata = self.path / "metadata.yaml"
         if not metadata.exists():
+            if (self.path / "meta" / "info.json").is_file():
+                raise InputError(str(self.path), "is a LeRobot data set", "one of its files, data/chunk-000/....parquet")
             if not present:
                 raise InputError(str(self.path), "is a directory without metadata.yaml, .mcap, .db3 or .bag files", "a bag")
             self._file_notes.append(f"metadata.yaml is missing; {len(present)} storage files found by name")

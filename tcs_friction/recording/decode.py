@@ -31,6 +31,9 @@ SECOND = 1_000_000_000
 STEPS_BATCH = 100
 """Steps (see Allowance) of decoding any batch."""
 
+SERIALISED = "messages are serialised as"
+READABLE = "cdr or ros1, or the signals as a table (.csv)"
+
 
 @dataclass(frozen=True, eq=False)
 class Batch:
@@ -72,7 +75,7 @@ class Decoder:
         allowance.parse(channel.definition)
         allowance.spend(STEPS_BATCH)
         if channel.encoding not in ("cdr", "ros1"):
-            raise InputError(f"{bag} {channel.topic}", f"messages are serialised as {channel.encoding}", "cdr or ros1")
+            raise InputError(f"{bag} {channel.topic}", f"{SERIALISED} {channel.encoding}", READABLE)
         self._types = types_of(channel)
         self._msgtype = full_name(channel.msgtype)
         self._ros1 = channel.encoding == "ros1"
@@ -228,7 +231,7 @@ class _Growing:
         self.log_times.add(batch.log_times[rows])
         self.stamps.add((stamps if stamps is not None else np.zeros(len(batch), dtype=np.int64))[rows])
         for row, source in enumerate(self.sources):
-            self.values[row].add(values[row, rows] * source.scale if source.scale != 1.0 else values[row, rows])
+            self.values[row].add(source.si(values[row, rows]))
             if absent[row].any() or self.absent[row].blocks:
                 self.absent[row].add(np.zeros(self.count - self._noted(row), dtype=np.bool_))
                 self.absent[row].add(absent[row, rows])

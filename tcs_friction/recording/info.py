@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,13 @@ import yaml
 from tcs_friction.errors import InputError, printable
 from tcs_friction.recording import clock
 from tcs_friction.recording.allowance import Allowance
-from tcs_friction.recording.bags import Bag
+from tcs_friction.recording.bags import Bag, read_columns
 from tcs_friction.recording.columns import Nanoseconds
 from tcs_friction.recording.decode import Batch, Blocks, Decoder
 from tcs_friction.recording.definitions import Channel
-from tcs_friction.recording.propose import proposed_signals
+from tcs_friction.recording.propose import Proposal, proposed_signals
+from tcs_friction.recording.recording import Column
+from tcs_friction.recording.signals import SignalSource
 
 SECOND = 1e-9
 
@@ -44,7 +47,10 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class BagInfo:
-    """A bag. start: s since the epoch of the first message logged. notes: damage, in words."""
+    """A bag. start: s since the epoch of the first message logged. notes: damage, in words. signals: a proposal for an axis file.
+
+    joints: those that the proposed position may be of, in the order of its topic.
+    """
 
     path: str
     start: float
@@ -53,6 +59,7 @@ class BagInfo:
     topics: tuple[TopicInfo, ...]
     notes: tuple[str, ...]
     signals: dict[str, Any]
+    joints: tuple[str, ...] = ()
 
     def to_mapping(self) -> dict[str, Any]:
         """For JSON."""
@@ -96,7 +103,8 @@ def bag_info(path: Path) -> BagInfo:
                 topics[name] = _Topic(batch.channel, batch.payload(0), str(path), bag.allowance)
             topics[name].add(batch)
     readable = {topic.channel: topic.first for topic in topics.values() if topic.decoder is not None}
-    signals = proposed_signals(readable, bag.allowance)
+    proposal = proposed_signals(readable, bag.allowance)
+    signals = _with_torque(proposal, path)
     infos: list[TopicInfo] = []
     first, last = [], []
     for name in sorted(topics):
@@ -109,7 +117,31 @@ def bag_info(path: Path) -> BagInfo:
     infos += [TopicInfo(n, silent[n].msgtype, 0, 0.0, 0.0, "log", None, 0, 0.0, 0, ()) for n in sorted(silent)]
     start, end = min(first, default=0), max(last, default=0)
     count = sum(info.count for info in infos)
-    return BagInfo(str(path), start * SECOND, (end - start) * SECOND, count, tuple(infos), tuple(bag.notes), signals)
+    begin, duration = start * SECOND, (end - start) * SECOND
+    return BagInfo(str(path), begin, duration, count, tuple(infos), tuple(bag.notes), signals, proposal.joints)
+
+
+def _with_torque(proposal: Proposal, path: Path) -> dict[str, Any]:
+    """The proposal with the component of a wrench that varies most, where nothing else is a torque or that never changes."""
+    block = proposal.signals
+    if not proposal.wrenches or "position" not in block:
+        return block
+    entry = block.get("torque")
+    own = [SignalSource(entry["topic"], entry["field"], entry.get("joint"))] if entry else []
+    try:
+        columns, _ = read_columns(Bag(path), [*own, *proposal.wrenches])
+    except InputError:
+        return block
+    varies = {one: _variance(columns[one.topic].values[one]) for one in (*own, *proposal.wrenches)}
+    if own and varies[own[0]] > 0.0:
+        return block
+    chosen = max(proposal.wrenches, key=lambda one: varies[one])
+    return block | {"torque": {"topic": chosen.topic, "field": chosen.field}} if varies[chosen] > 0.0 else block
+
+
+def _variance(values: Column) -> float:
+    fine = values[np.isfinite(values)]
+    return float(np.var(fine)) if len(fine) else 0.0
 
 
 def _topic_info(topic: _Topic, log_times: Nanoseconds) -> TopicInfo:
@@ -117,13 +149,15 @@ def _topic_info(topic: _Topic, log_times: Nanoseconds) -> TopicInfo:
     if topic.spoilt:
         findings.append(f"{topic.spoilt} messages do not fit their type")
     stamps = topic.stamps.joined()
-    times, source, latency = log_times, "log", None
+    times, own, source, latency = log_times, log_times, "log", None
     empty = clock.empty_stamps(stamps)
-    if len(stamps) and not empty:
-        times, source, latency = stamps, "header", float(np.median(log_times - stamps)) * SECOND
-    elif empty:
+    if empty:
         findings.append(f"{empty} header stamps are empty")
-    line = clock.timeline(times, log_times)
+    if len(stamps) and 2 * empty < len(stamps):
+        good = stamps > 0 if empty else slice(None)
+        times, own, source = stamps[good], log_times[good], "header"
+        latency = float(np.median(own - times)) * SECOND
+    line = clock.timeline(times, own)
     findings.extend(line.notes)
     steps = np.diff(line.times)
     wide = steps[steps > clock.gap_limit(line.times)]
@@ -135,13 +169,14 @@ def _topic_info(topic: _Topic, log_times: Nanoseconds) -> TopicInfo:
     )  # fmt: skip
 
 
-def info_text(info: BagInfo) -> str:
-    """A bag's contents for people."""
+def info_text(info: BagInfo, looked_at: Sequence[str] = ()) -> str:
+    """A bag's contents for people; looked_at: what reading its signals found."""
     lines = [f"{info.path}: {info.count} messages, {info.duration:.6g} s"]
     lines += [f"  {note}" for note in info.notes]
     width = max((len(topic.topic) for topic in info.topics), default=0)
     kind = max((len(topic.type) for topic in info.topics), default=0)
     lines += [_topic_line(topic, width, kind) for topic in info.topics]
+    lines += ["", *looked_at] if looked_at else []
     if info.signals:
         lines += ["", "# proposal for the axis file; check it, above all the torque's scale"]
         lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())

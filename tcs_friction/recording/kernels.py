@@ -153,3 +153,34 @@ def scatter(records: Buffer, offsets: Longs, out: Buffer) -> None:
         at = offsets[index]
         for place in range(records.shape[1]):
             out[at + place] = records[index, place]
+
+
+@numba.njit(types.void(types.float64[:, ::1], types.float64[::1], types.int64, types.boolean[::1]), cache=True)
+def trace_two(signals: NDArray[np.float64], seconds: NDArray[np.float64], seed: int, labels: NDArray[np.bool_]) -> None:
+    """Mark the messages that follow message `seed` rather than the one before it; from there to the end, then to the start.
+
+    signals: (k, n) in units of their usual differences. The first is expected along its speed, the others as they were.
+    """
+    count, number = signals.shape[1], signals.shape[0]
+    last = np.empty(2, dtype=np.int64)
+    speed = np.zeros(2)
+    for direction in (1, -1):
+        last[0], last[1] = seed - 1, seed
+        speed[0] = speed[1] = 0.0
+        labels[seed] = True
+        index = seed + 1 if direction == 1 else seed - 2
+        while 0 <= index < count:
+            nearest, chosen = np.inf, 0
+            for one in range(2):
+                expected = signals[0, last[one]] + speed[one] * (seconds[index] - seconds[last[one]])
+                away = abs(signals[0, index] - expected)
+                for row in range(1, number):
+                    away += abs(signals[row, index] - signals[row, last[one]])
+                if away < nearest:
+                    nearest, chosen = away, one
+            passed = seconds[index] - seconds[last[chosen]]
+            if passed * direction > 0.0:
+                speed[chosen] = (signals[0, index] - signals[0, last[chosen]]) / passed
+            last[chosen] = index
+            labels[index] = chosen == 1
+            index += direction

@@ -96,6 +96,8 @@ def _checked(text: bytes, size: int, allowance: Allowance) -> Summary:
         elif operation == STATISTICS:
             messages, _, _, _, _, expected, _, _, room = _STATISTICS.unpack_from(record)
             counts = _pairs(record, _STATISTICS.size, room, allowance)
+        elif operation == FOOTER:
+            raise NoIndexError  # files one behind the other: where their chunks lie is counted from each one's start
         at += 9 + length
     chunks.sort(key=lambda chunk: chunk.offset)
     whole = all(chunk.length <= MAX_CHUNK and chunk.offset + chunk.length <= size for chunk in chunks)

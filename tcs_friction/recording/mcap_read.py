@@ -69,11 +69,14 @@ class McapScan:
         self.channels: dict[int, Channel] = {}
         self.read = 0
         self.stated: int | None = None  # messages by the file's own statistics
+        self.files = 1  # mcap files one behind the other in this one
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._uncounted = False
         self._lost_chunk = False  # the last chunk was lost and no index has said yet how many messages it had
         self._ended = False
         self._cut_bytes = 0
+        self._before = 0  # messages that files in front of this one state, and their topics
+        self.earlier: list[Channel] = []
 
     def batches(self) -> Iterator[Batch]:
         """Every whole message, in batches of one channel each."""
@@ -87,9 +90,26 @@ class McapScan:
                 self.damage.add("no mcap magic at the start", lost_messages=0)
             while window.remaining and not self._ended:
                 yield from self._record(window)
+                if self._ended:
+                    self._look_behind(window)
         if not self._ended:
             self.damage.add("the end of the file is missing", self._cut_bytes)
         self._reckon()
+
+    def _look_behind(self, window: Window) -> None:
+        """Behind the end: the closing magic, and then another file, which is read as well, or what is no recording."""
+        if window.peek(8) == MAGIC:
+            window.skip(8)
+        if window.peek(8) == MAGIC and window.remaining > 8:
+            window.skip(8)
+            self.files += 1
+            self._ended = False
+            self._before += self.stated or 0
+            self.earlier.extend(self.channels.values())
+            self.channels, self._schemas = {}, {}
+            self.stated = None
+        elif window.remaining:
+            self.damage.add("bytes behind the end of the file, not read", window.remaining, 0)
 
     def record(self, record: bytes) -> Iterator[Batch]:
         """The whole messages of one record that lies in `record` alone, a chunk mostly."""
@@ -114,8 +134,8 @@ class McapScan:
         while at + 9 <= len(summary):
             self.allowance.spend(1)
             operation, length = _HEAD.unpack_from(summary, at)
-            if length > len(summary) - at - 9:
-                break
+            if length > len(summary) - at - 9 or operation not in KNOWN or operation == FOOTER:
+                break  # of a file behind another it may lie anywhere
             if operation in (SCHEMA, CHANNEL, STATISTICS):
                 self._note(operation, summary[at + 9 : at + 9 + length])
             at += 9 + length
@@ -123,6 +143,8 @@ class McapScan:
     def _reckon(self) -> None:
         """Say how much was lost; the statistics at the end of the file know best."""
         self.damage.unsure |= self._uncounted
+        if self.files > 1:
+            self.stated = None if self.stated is None else self._before + self.stated
         if self.stated is None or not self.read <= self.stated <= self.read + self.path.stat().st_size:
             return  # a message takes more than a byte
         if self.damage:

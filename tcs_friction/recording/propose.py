@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 from tcs_friction.errors import InputError
@@ -30,25 +31,40 @@ WANTED = ("reference", "setpoint", "desired", "target", "command")
 """Words in topics or fields that say where the axis should be, not where it is."""
 
 
-def proposed_signals(first: Mapping[Channel, bytes], allowance: Allowance) -> dict[str, Any]:
-    """A `signals:` block (as SignalMap.from_mapping takes it) from one message a channel; {} if nothing looks like an axis.
+@dataclass(frozen=True)
+class Proposal:
+    """signals: a `signals:` block (as SignalMap.from_mapping takes it), {} if nothing looks like an axis.
+
+    joints: those that its position may be of. wrenches: what force and torque sensors say, any of which may be the torque.
+    """
+
+    signals: dict[str, Any]
+    joints: tuple[str, ...] = ()
+    wrenches: tuple[SignalSource, ...] = ()
+
+
+def proposed_signals(first: Mapping[Channel, bytes], allowance: Allowance) -> Proposal:
+    """What one message a channel looks like.
 
     Raises InputError when the types take more work than the allowance has left.
     """
     sight = [_Sight(channel, first[channel], allowance) for channel in sorted(first, key=lambda item: item.topic)]
+    sight = [seen for seen in sight if not _is_plan(seen.channel)]
     block: dict[str, Any] = {}
     others: dict[str, Any] = {}
+    joints: list[str] = []
     for seen in sight:
         if seen.joints and "position" not in block and not _wanted(seen.channel.topic):
             block, others = _of_joints(seen)
+            joints = seen.joints
     for seen in sight:
         if not seen.joints:
             _of_numbers(seen, block, others)
     if "position" not in block:
-        return {}
+        return Proposal({})
     if others:
         block["exogenous"] = others
-    return block
+    return Proposal(block, tuple(joints), tuple(_of_wrenches(sight)))
 
 
 class _Sight:
@@ -118,12 +134,29 @@ def _of_numbers(seen: _Sight, block: dict[str, Any], others: dict[str, Any]) -> 
         try:
             target(channel, source, channel.topic)
         except InputError:
-            continue
+            if not seen.arrays or path not in seen.arrays.values():
+                continue
+            path += "[0]"  # joints without names: the first element of each array
         if _wanted(channel.topic + path) or channel.msgtype.endswith("/AxisReference"):
             if name == "position":
                 block.setdefault("reference", {"topic": channel.topic, "field": path})
         else:
             block.setdefault(name, {"topic": channel.topic, "field": path})
+
+
+def _of_wrenches(sight: Sequence[_Sight]) -> Iterator[SignalSource]:
+    """What a force and torque sensor says: torques first, and of those, as of forces, z first: that is where axes point."""
+    for part in ("torque", "force"):
+        for component in "zyx":
+            for seen in sight:
+                path = next((path for path in seen.paths if path.endswith(f"{part}.{component}")), None)
+                if path is not None and "wrench" in (seen.channel.msgtype + path).lower():
+                    yield SignalSource(seen.channel.topic, path)
+
+
+def _is_plan(channel: Channel) -> bool:
+    """Whether messages say where an axis is to go, not where it was: trajectories have joints and positions as well."""
+    return "trajectory" in channel.msgtype.rpartition("/")[2].lower() and not channel.msgtype.endswith("State")
 
 
 def _likely_paths(channel: Channel, paths: Sequence[str]) -> Iterator[tuple[str, str]]:

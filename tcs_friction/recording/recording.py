@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,7 @@ class Recording:
         Left empty, the whole recording is one segment.
     source: where it came from, for messages. notes: what was found and handled on reading, one line each.
     start: of t = 0, ns since 1970, 0 where nobody knows it.
+    torque_unit: A, V or % where the torque is known up to a constant; everything with torque in it is then in that. "": N m or N.
     torque_log: (2, m) stamps (s, as t) and values of the torque as it was logged, where that has stamps of its own; `torque` is
         then what was last logged at each t. acts: s after its stamp at which a logged torque begins to act; None: not known.
 
@@ -44,6 +45,7 @@ class Recording:
     source: str = "recording"
     notes: tuple[str, ...] = ()
     start: int = 0
+    torque_unit: str = ""
     torque_log: Column | None = None
     acts: float | None = None
 
@@ -99,13 +101,14 @@ class Recording:
             self.t[start:stop], self.position[start:stop], self.torque[start:stop],
             cut(self.velocity), cut(self.temperature), cut(self.reference),
             {name: values[start:stop] for name, values in self.exogenous.items()},
-            segments, self.source, self.notes, self.start, self.torque_log, self.acts,
+            segments, self.source, self.notes, self.start, self.torque_unit, self.torque_log, self.acts,
         )  # fmt: skip
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = (
             self.t, self.position, self.torque, self.velocity, self.temperature, self.reference,
-            dict(self.exogenous), self.segments, self.source, self.notes, self.start, self.torque_log, self.acts,
+            dict(self.exogenous), self.segments, self.source, self.notes, self.start,
+            self.torque_unit, self.torque_log, self.acts,
         )  # fmt: skip
         return (Recording, arguments)
 
@@ -149,3 +152,13 @@ class Recording:
             checked.append(slice(start, stop))
             previous = stop
         return checked
+
+
+def same_torque_unit(recordings: Sequence[Recording]) -> str:
+    """The unit of the torque in all of them (see Recording.torque_unit). Raises InputError where they differ."""
+    first, *others = recordings
+    for other in others:
+        if other.torque_unit != first.torque_unit:
+            found = f"holds the torque in {other.torque_unit or 'N m'}"
+            raise InputError(other.source, found, f"{first.torque_unit or 'N m'} as in {first.source}")
+    return first.torque_unit

@@ -5,36 +5,62 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
 
 from tcs_friction.errors import InputError, nearest
+from tcs_friction.recording.units import Conversion, conversion_of, torque_base, units_of
 
 REQUIRED = ("position", "torque")
 OPTIONAL = ("velocity", "temperature", "reference")
-SOURCE_KEYS = ("topic", "field", "joint", "scale")
+SOURCE_KEYS = ("topic", "field", "joint", "scale", "unit")
 FROM_STAMP, UP_TO_STAMP, UNKNOWN = "from_stamp", "up_to_stamp", "unknown"
 ACTS = (FROM_STAMP, UP_TO_STAMP, UNKNOWN)
 """When a logged torque acts: from its stamp to the next, from the stamp before to its own, or nobody knows."""
 
+T = TypeVar("T", float, np.ndarray)
 _STEP = re.compile(r"([A-Za-z_]\w*)((?:\[\d+\])*)")
 
 
 @dataclass(frozen=True)
 class SignalSource:
-    """One signal: a topic, a dotted path to a number in its messages, and a factor to SI units.
+    """One signal: a topic, a dotted path to a number in its messages, and how that becomes SI units.
 
     `field` may index arrays (`points[0].positions[2]`); `joint` picks the element of the last array by the name
-    list beside it (`name`, `names` or `joint_names`), wherever the joint stands in each message. `acts`, of a torque: when it
-    does, one of ACTS, or s after its stamp at which it begins to (negative: before).
+    list beside it (`name`, `names` or `joint_names`), wherever the joint stands in each message.
+    scale: factor, beside that of the unit. unit: of the number (see recording.units), "" for SI. rated: torque (N m) of which a
+    torque in per cent is a share, 0 where nobody knows it. acts: of a torque, when it does, one of ACTS, or s after its stamp at
+    which it begins to (negative: before).
     """
 
     topic: str
     field: str
     joint: str | None = None
     scale: float = 1.0
+    unit: str = ""
+    rated: float = 0.0
     acts: str | float = UNKNOWN
+
+    @cached_property
+    def conversion(self) -> Conversion:
+        """Factor and offset: the one place where scale and unit act, of bags, tables and live topics alike."""
+        factor, offset = conversion_of(self.unit, self.rated)
+        return self.scale * factor, self.scale * offset
+
+    def si(self, values: T) -> T:
+        """What is recorded, a number or a column, in SI units."""
+        factor, offset = self.conversion
+        values = values if factor == 1.0 else values * factor
+        return values + offset if offset else values
+
+    def recorded(self, values: T) -> T:
+        """The other way round: SI units as they are to be recorded."""
+        factor, offset = self.conversion
+        return values if (factor, offset) == (1.0, 0.0) else (values - offset) / factor
 
     def acts_after(self, period: float) -> float | None:
         """s after its stamp at which a logged value begins to act, of values `period` s apart; None: not known."""
@@ -90,6 +116,21 @@ class SignalMap:
         """The topics needed, each once, the position's first."""
         return tuple(dict.fromkeys(source.topic for _, source in self.named()))
 
+    @property
+    def torque_unit(self) -> str:
+        """Of a drive whose torque is known up to a constant: A, V or %; "" where the torque is one."""
+        return torque_base(self.torque.unit, self.torque.rated)
+
+    def of_joint(self, joint: str) -> SignalMap:
+        """The signals of another joint of the same messages."""
+        own = self.position.joint
+        moved = {
+            name: replace(source, joint=joint)
+            for name in ("position", "velocity", "torque")
+            if (source := getattr(self, name)) is not None and (source.joint == own or name == "position")
+        }
+        return replace(self, **moved)
+
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> SignalMap:
         """Build from the `signals:` block as YAML gives it; `where` names the file in errors."""
@@ -127,12 +168,15 @@ def _entry(source: SignalSource) -> dict[str, Any]:
         entry["joint"] = source.joint
     if source.scale != 1.0:
         entry["scale"] = source.scale
+    if source.unit:
+        entry["unit"] = source.unit
     if source.acts != UNKNOWN:
         entry["acts"] = source.acts
     return entry
 
 
 def _source(entry: Any, where: str, signal: str = "") -> SignalSource:
+    """signal: "" for one that is none of the axis, whose unit is nobody's business."""
     block = _mapping(entry, where)
     _refuse_unknown(block, (*SOURCE_KEYS, "acts") if signal == "torque" else SOURCE_KEYS, where)
     for key in ("topic", "field"):
@@ -144,7 +188,12 @@ def _source(entry: Any, where: str, signal: str = "") -> SignalSource:
     scale = block.get("scale", 1.0)
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale) or scale == 0:
         raise InputError(where, f"scale is {scale!r}", "a finite number other than 0")
-    source = SignalSource(block["topic"], block["field"], joint, float(scale), _acts(block.get("acts", UNKNOWN), where))
+    unit, known = block.get("unit", ""), units_of(signal)
+    if unit != "" and unit not in known:
+        found = f"unit is {unit!r}"
+        raise InputError(where, found, nearest(str(unit), known) if known else "no unit of a signal that is not the axis' own")
+    acts = _acts(block.get("acts", UNKNOWN), where)
+    source = SignalSource(block["topic"], block["field"], joint, float(scale), unit, acts=acts)
     try:
         steps = source.steps
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Recordings as tables with units in the column names: CSV and Parquet, out and in."""
+"""Recordings as tables with units in the column names, out and in."""
 
 from __future__ import annotations
 
@@ -11,58 +11,59 @@ from pathlib import Path
 
 import numpy as np
 
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import InputError
 from tcs_friction.recording import units
 from tcs_friction.recording.align import align
 from tcs_friction.recording.columns import TopicColumns
+from tcs_friction.recording.mending import mended
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import OPTIONAL, REQUIRED, SignalMap, SignalSource
-from tcs_friction.recording.table_files import read_csv, read_parquet, write_csv, write_parquet
+from tcs_friction.recording.table import Table
+from tcs_friction.recording.table_files import read_table, write_csv, write_parquet
+from tcs_friction.recording.table_names import NAMES
+from tcs_friction.recording.table_roles import Joint, Role, Roles, roles_of
+from tcs_friction.recording.table_times import (
+    FIRST_DATE,
+    LAST_DATE,
+    LONGEST,
+    pace_of,
+    taken_as_si,
+    unit_of_date,
+    unit_of_times,
+)
 from tcs_friction.recording.units import Named
 from tcs_friction.recording.write import EPOCH
 
-TABLES = (".csv", ".parquet")  # endings of the files that are tables
 ROTARY = {"position": "rad", "velocity": "rad/s", "torque": "N m", "reference": "rad"}
 LINEAR = {"position": "m", "velocity": "m/s", "torque": "N", "reference": "m"}
 UNITS = {"rotary": ROTARY, "linear": LINEAR}
+EPISODE = "episode_index"
+BOOKKEEPING = ("segment", EPISODE, "frame_index", "index", "task_index")
+"""Columns that count rows: those of `export_table` and of LeRobot data sets."""
 
-NAMES = {
-    "time": ("time", "t", "stamp", "timestamp", "seconds"),
-    "position": ("position", "angle", "pos", "q", "theta"),
-    "velocity": ("velocity", "speed", "vel", "omega"),
-    "torque": ("torque", "effort", "force", "tau", "u"),
-    "temperature": ("temperature", "temp"),
-    "reference": ("reference", "setpoint", "target", "desired"),
-}
-"""What a column of a spreadsheet may be called, in any case, with the unit in brackets or behind an underscore."""
-
-TORQUE_WORDS = (*NAMES["torque"], "thrust", "current", "iq", "voltage")
-"""Last words of a column's name that say a torque where no column is called just so: `Motor force`, `q-axis current`."""
-
-LONGEST = 1e9  # s, thirty years; times that are farther apart are in another unit
-FIRST_DATE, LAST_DATE = 1e9, 4e9  # s since 1970, the years 2001 and 2096; smaller times count from something else
-_HEAD = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
-
+PAUSE = 100.0
+"""Periods between two episodes: more than those over which a signal is held (clock.GAP_PERIODS)."""
 
 @dataclass(frozen=True, eq=False)
 class Imported:
     """A table as a recording, with the signals block under which a bag will hold it.
 
-    kind: of the axis, None where the units do not tell. torque_unit: as the column's name has it, "" for none.
+    kind: of the axis, None where the units do not tell.
     """
 
     recording: Recording
     signals: SignalMap
     kind: str | None = None
-    torque_unit: str = ""
 
 
-def export_table(recording: Recording, path: Path, kind: str = "rotary") -> None:
+def export_table(recording: Recording, path: Path, kind: str = "rotary", signals: SignalMap | None = None) -> None:
     """Write a recording to .csv or .parquet, by the suffix; the last column counts the segments from 0.
 
-    Raises InputError for another suffix, JobError if Parquet is not installed. Nothing half-written bears the name.
+    signals: of the axis file with which the table will be read again, which then applies their scales once more; columns whose
+    scale is more than a sign say no unit. None: SI units. Raises InputError for another suffix, JobError if Parquet is not
+    installed. Nothing half-written bears the name.
     """
-    columns = dict(named_columns(recording, kind))
+    columns = dict(named_columns(recording, kind, signals))
     writers: dict[str, Callable[[Mapping[str, np.ndarray], Path], None]] = {".csv": write_csv, ".parquet": write_parquet}
     writer = writers.get(path.suffix.lower())
     if writer is None:
@@ -79,15 +80,18 @@ def export_table(recording: Recording, path: Path, kind: str = "rotary") -> None
         scratch.unlink(missing_ok=True)
 
 
-def named_columns(recording: Recording, kind: str) -> Iterator[tuple[str, np.ndarray]]:
+def named_columns(recording: Recording, kind: str, signals: SignalMap | None = None) -> Iterator[tuple[str, np.ndarray]]:
     """Column names with units, and columns; exogenous signals have no unit because nobody has told it."""
-    units = UNITS[kind] | {"temperature": "degC"}
+    units = UNITS[kind] | {"temperature": "degC"} | ({"torque": recording.torque_unit} if recording.torque_unit else {})
+    sources = dict(signals.named()) if signals is not None else {}
     yield "time [s]", recording.t
     for name in (*REQUIRED, *OPTIONAL):
         values = getattr(recording, name)
         if values is not None:
-            yield f"{name} [{units[name]}]", values
-    yield from recording.exogenous.items()
+            scale = sources[name].scale if name in sources else 1.0
+            yield f"{name} [{units[name]}]" if abs(scale) == 1.0 else name, values / scale
+    for name, values in recording.exogenous.items():
+        yield name, sources[name].recorded(values) if name in sources else values
     segment = np.full(len(recording), -1, dtype=np.int64)
     for number, part in enumerate(recording.segments):
         segment[part] = number
@@ -97,43 +101,110 @@ def named_columns(recording: Recording, kind: str) -> Iterator[tuple[str, np.nda
 def import_table(
     path: Path, joint: str, chosen: Mapping[str, str], signals: SignalMap | None = None, kind: str | None = None
 ) -> Imported:
-    """Read .csv or .parquet. `chosen`: signal -> column, for columns whose name says too little or that are several.
+    """Read a table. `chosen`: signal -> column, or column:unit, for columns whose name says too little or that are several.
 
-    Columns that are no signal become exogenous signals. kind: of the axis, `rotary` or `linear`, None where only the units
-    tell. Bad rows are handled as those of a bag are. Raises InputError naming what is missing, ambiguous or in a wrong unit.
+    joint: name or number of the one that is meant where a table has several, else what to call it; "" for the axis file's.
+    signals: of an axis file, whose scales, and units where no column tells them, are applied. Columns that are no signal become
+    exogenous signals. kind: of the axis, `rotary` or `linear`, None where only the units tell. Bad rows are handled as those of
+    a bag are. Raises InputError naming what is missing, ambiguous or in a wrong unit.
     """
     where = str(path)
-    if not path.exists():
-        raise InputError(where, "does not exist", "a .csv or .parquet file")
-    if not path.is_file():
-        raise InputError(where, "is no regular file", "a .csv or .parquet file")
-    table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_csv(path)
+    table = read_table(path)
     notes = list(table.notes)
-    roles = _roles(table.columns, chosen, where, notes)
-    named = [Named(name, column, "s" if column in table.seconds else _split(column)[1]) for name, column in roles.items()]
-    conversions = units.conversions(named, where, kind)
-    for item in named:
-        if item.unit in units.WITHOUT:
-            notes.append(f"column {item.column!r} has no unit, taken as SI")
-    values = {name: units.converted(table.columns[column], conversions[name]) for name, column in roles.items()}
+    asked = joint or (signals.position.joint or "" if signals is not None else "")
+    roles = roles_of(table, chosen, Joint(asked, bool(joint)), where, notes)
+    sources, units_told = _sources(roles, signals, kind, where, notes)
+    values = {name: sources[name].si(table.columns[role.column]) for name, role in roles.columns.items() if name != "time"}
+    times, start = _times(table, roles.columns["time"], values, where, notes)
+    roles.left_out.update(table.starts)  # further dates
     others = _others(table.columns, roles, where)
+    torque_unit = _torque_unit(sources["torque"], signals, where, notes)
     if signals is None:
-        signals = default_signals(joint, tuple(values), tuple(others))
+        signals = default_signals(roles.joint or joint or "axis", ("time", *values), tuple(others), torque_unit)
     elif unused := [name for name in others if name not in signals.exogenous]:
         notes.append(f"not among the axis file's exogenous signals, left out: {', '.join(unused)}")
-    torque_unit = next(item.unit for item in named if item.signal == "torque")
-    return Imported(_recording(path, values, others, signals, notes), signals, kind or units.kind_of(named), torque_unit)
+    others = {name: signals.exogenous[name].si(column) for name, column in others.items() if name in signals.exogenous}
+    recording = _recording(path, times, values, others, sources["torque"].acts, notes)
+    recording = replace(recording, start=start, torque_unit=torque_unit)
+    return Imported(recording, signals, kind or units.kind_of(units_told))
 
 
-def _others(columns: Mapping[str, Column], roles: Mapping[str, str], where: str) -> dict[str, Column]:
+def _sources(
+    roles: Roles, signals: SignalMap | None, kind: str | None, where: str, notes: list[str]
+) -> tuple[dict[str, SignalSource], list[Named]]:
+    """How the column of each signal becomes SI units, and the units that were told: by the column, else by the axis file."""
+    given = dict(signals.named()) if signals is not None else {}
+    bare = {name: replace(given[name]) if name in given else SignalSource(where, name) for name in roles.columns}
+    named = [
+        Named(name, role.column, bare[name].unit if role.unit in units.WITHOUT else role.unit)
+        for name, role in roles.columns.items()
+    ]
+    settled = units.settled(named, where, kind)
+    notes += [taken_as_si(item.column) for item in named if item.signal != "time" and item.unit in units.WITHOUT]
+    return {name: replace(source, unit=settled[name]) for name, source in bare.items()}, named
+
+
+def _torque_unit(source: SignalSource, signals: SignalMap | None, where: str, notes: list[str]) -> str:
+    """What all that has torque in it is in, "" for N m or N. Raises InputError where the axis file says something else."""
+    found, believed = units.torque_base(source.unit, source.rated), signals.torque_unit if signals is not None else ""
+    if found and abs(source.scale) != 1.0 and not believed:
+        return ""  # the scale is the torque constant
+    if believed and found != believed:
+        expected = f"{believed}, as signals.torque.unit of the axis file"
+        raise InputError(where, f"holds the torque in {source.unit or 'N m'}", expected)
+    if found and signals is not None and not believed:
+        notes.append(f"torque in {found}, and so is everything that has torque in it (signals.torque.unit of the axis file)")
+    return found
+
+
+def _times(table: Table, role: Role, values: Mapping[str, Column], where: str, notes: list[str]) -> tuple[Column, int]:
+    """Times in s, and when the earliest is, ns since 1970, 0 where nobody knows."""
+    times = table.columns[role.column]
+    good = times[np.isfinite(times)]
+    if not len(good):
+        text = table.texts.get(role.column)
+        found = f"times such as {text[:40]!r} cannot be read" if text else "no times"
+        raise InputError(where, f"{found} in column {role.column!r}", "numbers, h:m:s or 2026-11-01T00:59:30.004+00:00")
+    unit = role.unit if role.unit not in units.WITHOUT else ""
+    if not unit:
+        position, velocity = values["position"], values.get("velocity")
+        pace = pace_of(times, position, velocity) if velocity is not None else np.nan
+        unit = unit_of_times(good, role.column, where, pace, notes)
+    factor = units.SECONDS[units.settled([Named("time", role.column, unit)], where, None)["time"]][0]
+    first = float(np.min(good))
+    if first * factor > LAST_DATE and (told := unit_of_date(good)):
+        expected = f"{told} since 1970: --column time={role.column}:{told}"
+        raise InputError(where, f"times of {first:.4g} cannot be {unit}", expected)
+    since = (times - first) * factor
+    if np.max(since, initial=0.0, where=np.isfinite(since)) > LONGEST:
+        found = f"times are {np.nanmax(since):.3g} s apart"
+        raise InputError(where, found, f"seconds, {LONGEST:g} at most")
+    began = first * factor
+    start = table.starts.get(role.column) or (round(began * 1e9) if FIRST_DATE <= began <= LAST_DATE else 0)
+    return _one_behind_another(table, since, notes), start
+
+
+def _one_behind_another(table: Table, times: Column, notes: list[str]) -> Column:
+    """Times that begin anew with every episode of a LeRobot data set, with a gap between episodes."""
+    episodes = table.columns.get(EPISODE)
+    begins = np.flatnonzero(np.diff(episodes) != 0.0) + 1 if episodes is not None else np.zeros(0, dtype=np.intp)
+    if not len(begins) or not (times[begins] <= times[begins - 1]).any():
+        return times
+    pause = PAUSE * float(np.median(np.abs(np.diff(times))))
+    shifts = np.zeros(len(times))
+    shifts[begins] = times[begins - 1] - times[begins] + pause
+    notes.append(f"{len(begins) + 1} episodes, one behind the other with a gap of {pause:.3g} s")
+    return np.asarray(times + np.cumsum(shifts))
+
+
+def _others(columns: Mapping[str, Column], roles: Roles, where: str) -> dict[str, Column]:
     """The columns that play no part, by the names of their topics; those of a signal's further columns are left out."""
+    taken = {role.column for role in roles.columns.values()}
     origins: dict[str, str] = {}
     for column in columns:
-        if column == "segment" or _signal(column):
+        if column in taken or column in roles.left_out or column in BOOKKEEPING:
             continue
-        if column in roles.values():
-            continue
-        token = _token(column)
+        token = roles.renamed.get(column) or _token(column)
         if token in NAMES:
             raise InputError(where, f"column {column!r} would be a second signal named {token}", "another column name")
         if token in origins:
@@ -144,40 +215,30 @@ def _others(columns: Mapping[str, Column], roles: Mapping[str, str], where: str)
 
 
 def _recording(
-    path: Path, values: dict[str, Column], others: dict[str, Column], signals: SignalMap, notes: list[str]
+    path: Path, times: Column, values: dict[str, Column], others: dict[str, Column], acts: str | float, notes: list[str]
 ) -> Recording:
     """The table's rows as a bag's columns, so that bad rows are found and handled in one place."""
-    times = values["time"]
     good = np.isfinite(times)
     if not good.all():
-        notes.append(f"{np.count_nonzero(~good)} rows without a time left out")
-    since = times[good] - np.min(times[good], initial=np.inf)
-    if np.max(since, initial=0.0) > LONGEST:
-        raise InputError(str(path), f"times are {np.max(since):.3g} s apart", f"seconds, {LONGEST:g} at most")
-    stamps = EPOCH + np.rint(since * 1e9).astype(np.int64)
-    found = {name: column for name, column in {**values, **others}.items() if name != "time"}
+        notes.append(mended(f"{np.count_nonzero(~good)} rows without a time left out"))
+    stamps = EPOCH + np.rint(times[good] * 1e9).astype(np.int64)
     topic = str(path)
-    sources = {name: SignalSource(topic, name) for name in found if name in (*REQUIRED, *OPTIONAL)}
-    exogenous = {name: SignalSource(topic, name) for name in found if name in signals.exogenous and name not in sources}
-    table = SignalMap(**sources, exogenous=exogenous)
-    columns = TopicColumns(
-        topic, stamps, stamps, {SignalSource(topic, name): column[good] for name, column in found.items()}
-    )
-    recording = align({topic: columns}, table, topic, notes)
+    sources = {name: SignalSource(topic, name) for name in values} | {"torque": SignalSource(topic, "torque", acts=acts)}
+    exogenous = {name: SignalSource(topic, name) for name in others}
+    found = {source: {**values, **others}[name][good] for name, source in {**sources, **exogenous}.items()}
+    columns = TopicColumns(topic, stamps, stamps, found)
+    recording = align({topic: columns}, SignalMap(**sources, exogenous=exogenous), topic, notes)
     told = tuple(note for note in recording.notes if not note.startswith("time base"))
-    return replace(recording, notes=told, start=_began(float(np.min(times[good], initial=np.inf))))
+    return replace(recording, notes=told)
 
 
-def _began(seconds: float) -> int:
-    """Start of a recording, ns since 1970, from its first time, 0 where that counts from something else."""
-    return round(seconds * 1e9) if FIRST_DATE <= seconds <= LAST_DATE else 0
-
-
-def default_signals(joint: str, names: Iterable[str], others: Iterable[str]) -> SignalMap:
+def default_signals(joint: str, names: Iterable[str], others: Iterable[str], torque_unit: str = "") -> SignalMap:
     """Where an imported recording lies in its bag: joint states, temperature, reference, one topic for each other."""
     fields = {"position": "position", "velocity": "velocity", "torque": "effort"}
     known: dict[str, SignalSource] = {
-        name: SignalSource("/joint_states", fields[name], joint) for name in fields if name in names
+        name: SignalSource("/joint_states", fields[name], joint, unit=torque_unit if name == "torque" else "")
+        for name in fields
+        if name in names
     }
     if "temperature" in names:
         known["temperature"] = SignalSource("/temperature", "temperature")
@@ -186,64 +247,8 @@ def default_signals(joint: str, names: Iterable[str], others: Iterable[str]) -> 
     return SignalMap(**known, exogenous={name: SignalSource(f"/{name}", "vector.x") for name in others})
 
 
-def _roles(columns: Mapping[str, Column], chosen: Mapping[str, str], where: str, notes: list[str]) -> dict[str, str]:
-    """Which column plays which part: as chosen, else by its name. Two columns for one part are refused unless one is chosen."""
-    roles: dict[str, str] = {}
-    for name, column in chosen.items():
-        if name not in NAMES:
-            raise InputError(where, f"no signal {name!r}", nearest(name, NAMES))
-        if column not in columns:
-            raise InputError(where, f"no column {column!r}", nearest(column, columns))
-        if column in roles.values():
-            raise InputError(where, f"column {column!r} chosen for two signals", "a column for each")
-        roles[name] = column
-    for name in NAMES:
-        matches = [column for column in columns if _signal(column) == name and column not in roles.values()]
-        if name in roles:
-            notes.extend(f"column {column!r} left out: {name} is {roles[name]!r}" for column in matches)
-        elif len(matches) > 1:
-            found = f"{len(matches)} columns for {name}: {' and '.join(map(repr, matches))}"
-            raise InputError(where, found, f"one, or --column {name}=COLUMN")
-        elif matches:
-            roles[name] = matches[0]
-    if "torque" not in roles:
-        likely = [column for column in columns if column not in roles.values() and _ends_as_torque(column)]
-        if len(likely) > 1:
-            found = f"{len(likely)} columns that may be the torque: {' and '.join(map(repr, likely))}"
-            raise InputError(where, found, "one, or --column torque=COLUMN")
-        roles.update(("torque", column) for column in likely)
-    for name in ("time", *REQUIRED):
-        if name not in roles:
-            expected = f"a column of that name, or --column {name}=COLUMN with one of {', '.join(columns)}"
-            raise InputError(where, f"no {name}", expected)
-    return roles
-
-
-def _signal(column: str) -> str | None:
-    """The signal that a column's name says, None if it says none."""
-    return next((name for name, words in NAMES.items() if _split(column)[0] in words), None)
-
-
-def _ends_as_torque(column: str) -> bool:
-    words = re.split(r"[\s_]+", _split(column)[0])
-    return words[-1] in TORQUE_WORDS and not any(wanted in words for wanted in NAMES["reference"])
-
-
-def _split(column: str) -> tuple[str, str]:
-    """Name in lower case and unit of a column: `Angle [deg]`, `angle (deg)`, `angle_deg`."""
-    match = _HEAD.fullmatch(column)
-    assert match is not None  # every text matches
-    name, unit = match[1].lower(), units.spelled(match[2] or "")
-    known = {word for words in NAMES.values() for word in words}
-    if not unit and name not in known:
-        head, _, tail = match[1].partition("_")
-        tail = units.spelled(tail.replace("_per_", "/"))
-        if head.lower() in known and units.is_unit(tail):
-            return head.lower(), tail
-    return name, unit
-
-
 def _token(column: str) -> str:
-    """A column's name as a name of a topic: letters, digits and underscores, not a digit first."""
-    name = re.sub(r"\W+", "_", _split(column)[0], flags=re.ASCII).strip("_") or "column"
+    """A column's name as a name of a topic: letters, digits and underscores, not a digit first; without a unit in brackets."""
+    bare = re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", column)
+    name = re.sub(r"\W+", "_", bare.lower(), flags=re.ASCII).strip("_") or "column"
     return f"x_{name}" if name[0].isdigit() else name

@@ -61,7 +61,7 @@ def write_recording(path: Path, recording: Recording, signals: SignalMap, start:
     for name, source in signals.named():
         values = recording.exogenous.get(name) if name in signals.exogenous else getattr(recording, name)
         if values is not None:
-            columns.setdefault(source.topic, {})[source] = values / source.scale
+            columns.setdefault(source.topic, {})[source] = source.recorded(values)
     write_bag(path, [topic_data(topic, times, sources) for topic, sources in columns.items()])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.identify.dob_calibration import Calibration
 from tcs_friction.numerics.runs import runs
-from tcs_friction.physics.terms import unit_on
+from tcs_friction.physics.axis import Unit
 from tcs_friction.report import published
 from tcs_friction.report.figures import BELIEVED, IMPROVED, MEASURED, TRUTH, Array, Picture
 from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
@@ -20,10 +20,10 @@ from tcs_friction.report.plot_picture import drawn_plot
 
 
 def write_report(
-    directory: Path, found: Calibration, before: ObserverSettings, kind: str, sources: Sequence[str]
+    directory: Path, found: Calibration, before: ObserverSettings, unit_of: Unit, sources: Sequence[str]
 ) -> Path:
     """Write DIR/report.html and its picture; returns the page's path."""
-    image = draw_calibration(found, kind)
+    image = draw_calibration(found, unit_of)
     numbers = key_numbers(
         [
             Number("in uniform motion", _percent(found.accuracy_uniform), "paper: 96.94 %"),
@@ -42,7 +42,7 @@ def write_report(
         sentence(found),
         picture(image),
         numbers,
-        section("What was found", parameter_table(found, before, kind)),
+        section("What was found", parameter_table(found, before, unit_of)),
         *notes,
         remark=", ".join(sources),
     )
@@ -63,9 +63,9 @@ def _percent(value: float) -> str:
     return f"{100.0 * value:.2f} %"
 
 
-def draw_calibration(found: Calibration, kind: str) -> Picture:
+def draw_calibration(found: Calibration, unit_of: Unit) -> Picture:
     """Series on top, difference below."""
-    t, unit, time = _joined(found.t), unit_on(kind, "N m"), Scale("time", "s")
+    t, unit, time = _joined(found.t), unit_of("N m"), Scale("time", "s")
     spans = tuple((float(t[start]), float(t[stop - 1])) for start, stop in runs(found.uniform))
     series = (
         Curve("dynamometer", TRUTH, t, found.measured, size=2.4),
@@ -93,10 +93,10 @@ def _joined(t: Array) -> Array:
     return np.concatenate([[t[0]], t[0] + np.cumsum(steps)])
 
 
-def parameter_table(found: Calibration, before: ObserverSettings, kind: str) -> Html:
+def parameter_table(found: Calibration, before: ObserverSettings, unit_of: Unit) -> Html:
     """Before and after."""
     after = found.observer
-    unit, inertia = unit_on(kind, "N m"), unit_on(kind, "kg m²")
+    unit, inertia = unit_of("N m"), unit_of("kg m²")
     rows = [
         ["torque that acts over torque logged", f"{before.torque_scale:g}",
          with_error(after.torque_scale, found.scale_std), ""],

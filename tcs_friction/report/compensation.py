@@ -125,7 +125,7 @@ def lines(found: Prediction, axis: Axis) -> list[str]:
     """What a control engineer would say of it: the gain, what effects add to it, and whether the recording agrees."""
     unit = unit_of(found, axis)
     said = [sentence(found.worth, unit), effects_sentence(found.worth, unit), *encoder_sentences(found.worth, unit)]
-    said += [gains_words(found.controller, axis.kind)] if found.controller else []
+    said += [gains_words(found.controller, axis.unit)] if found.controller else []
     return said + ([doubt(found.beside, unit)] if found.beside else [])
 
 
@@ -189,7 +189,7 @@ def _numbers(worth: Worth, axis: Axis, unit: Unit) -> list[Number]:
     shown = [worth.stage(name) for name in (NOTHING, LAW, *([ALL] if worth.beyond else []))]
     return [
         *(Number(stage_words(stage), f"{plain(stage.rms / unit.size)} {unit.name}", "rms tracking error") for stage in shown),
-        Number("largest compensation", f"{worth.torque:.4g} {'N m' if axis.kind == 'rotary' else 'N'}", "of the drive's torque"),
+        Number("largest compensation", f"{worth.torque:.4g} {axis.unit('N m')}", "of the drive's torque"),
     ]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from tcs_friction.control.shown_controller import Shown
 from tcs_friction.control.worth import ALL, LAW, NOTHING, Beside, Interval, Stage, Worth
-from tcs_friction.physics.terms import unit_on
+from tcs_friction.physics.axis import Unit as UnitOf
 from tcs_friction.report.error_units import Unit, between, plain
 
 GAINED = 0.9
@@ -60,14 +60,14 @@ def doubt(beside: Beside, unit: Unit) -> str:
     return f"{told}, {off} off: the axis file's controller or model is not the one that recorded it."
 
 
-def gains_words(shown: Shown, kind: str) -> str:
-    """Which controller the prediction is made with, and why."""
+def gains_words(shown: Shown, unit_of: UnitOf) -> str:
+    """Which controller the prediction is made with, and why. unit_of: `Axis.unit` of the axis."""
     if not shown.estimated:
         fitted = f"gains fitted to it {_percent(shown.explained)}" if shown.explained > 0.0 else "no double-loop PID fits it"
         if shown.by_file > 0.0:
             return f"Controller: the axis file's, which explains {_percent(shown.by_file)} of the recorded torque; {fitted}."
         return f"Controller: the axis file's, though it does not explain the recorded torque; {fitted}."
-    units = [unit_on(kind, unit) for unit in ("N m s/rad", "N m/rad", "N m/(rad s)")]
+    units = [unit_of(unit) for unit in ("N m s/rad", "N m/rad", "N m/(rad s)")]
     stated = ", ".join(_gain(gain, unit) for gain, unit in zip(shown.gains.tolist(), units, strict=False) if gain[0])
     shares = f"it explains {_percent(shown.explained)} of the torque, the file's {_percent(max(shown.by_file, 0.0))}"
     return f"Controller: as the recording shows it, {stated}; {shares}."

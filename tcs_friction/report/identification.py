@@ -161,7 +161,8 @@ def draw_friction(found: Identification) -> Picture | None:
     if found.by_speed is None:
         return None
     shown = {BELIEVED_LAW: Shown("believed", BELIEVED), IDENTIFIED: Shown(found.law, IMPROVED)}
-    return draw_friction_by_speed(found.by_speed, shown, IDENTIFIED, found.offset.unit, found.inertia.unit != "kg")
+    rotary = found.inertia.unit != "kg" and not found.inertia.unit.endswith("/m")
+    return draw_friction_by_speed(found.by_speed, shown, IDENTIFIED, found.offset.unit, rotary)
 
 
 def draw_costs(found: Identification) -> Picture:

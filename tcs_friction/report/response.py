@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tcs_friction.identify.plant_response import SECOND_ORDER, TWO_INERTIAS, PlantModel, Response
-from tcs_friction.physics.terms import unit_on
+from tcs_friction.physics.axis import Unit
 from tcs_friction.report.figures import BELIEVED, IMPROVED, MEASURED, MUTED, Array, Picture
 from tcs_friction.report.html import Html, Number, key_numbers, page, picture, section, table, write_page
 from tcs_friction.report.numbers import with_error
@@ -24,12 +24,12 @@ def write_report(
     directory: Path,
     measured: Response,
     models: Sequence[PlantModel],
-    kind: str,
+    unit_of: Unit,
     sources: Sequence[str],
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write DIR/report.html and its picture; returns the page's path. `kind` of the axis: rotary or linear."""
-    image = draw_response(measured, models, kind)
+    """Write DIR/report.html and its picture; returns the page's path. unit_of: `Axis.unit` of the axis."""
+    image = draw_response(measured, models, unit_of)
     sure = measured.sure.frequency
     range_words = f"{sure[0]:.3g} to {sure[-1]:.3g} Hz" if len(sure) else "none"
     numbers = [Number("coherent", range_words, f"{len(sure)} of {len(measured.frequency)} frequencies")]
@@ -37,11 +37,11 @@ def write_report(
         numbers.append(
             Number(NAMES[model.form], f"{100 * model.misfit:.1f} %", "rms misfit, of the response")
         )
-    tables = [parameter_table(model, kind) for model in models]
+    tables = [parameter_table(model, unit_of) for model in models]
     remarks = [section("Notes", *notes)] if notes else []
     document = page(
         "Frequency response from torque to speed",
-        sentence(models, kind),
+        sentence(models, unit_of),
         picture(image),
         key_numbers(numbers),
         section("Parameters", *tables),
@@ -67,9 +67,9 @@ def explained(models: Sequence[PlantModel]) -> bool:
     return min(model.misfit for model in models) < POOR
 
 
-def sentence(models: Sequence[PlantModel], kind: str) -> str:
+def sentence(models: Sequence[PlantModel], unit_of: Unit) -> str:
     """What a control engineer would say of the result."""
-    unit = unit_on(kind, "kg m²")
+    unit = unit_of("kg m²")
     coupled, plain = resonant(models), models[0]
     if not explained(models):
         return "Neither model explains the response: was the axis excited, on top of a motion without reversals?"
@@ -84,7 +84,7 @@ def sentence(models: Sequence[PlantModel], kind: str) -> str:
     )
 
 
-def draw_response(measured: Response, models: Sequence[PlantModel], kind: str) -> Picture:
+def draw_response(measured: Response, models: Sequence[PlantModel], unit_of: Unit) -> Picture:
     """Gain, phase, coherence."""
     sure, every = measured.sure, measured.frequency
     amplitude = np.abs(sure.response)
@@ -105,7 +105,7 @@ def draw_response(measured: Response, models: Sequence[PlantModel], kind: str) -
         phases.append(Curve(name, color, fine, _degrees(curve), dashed=dashed))
     frequency = Scale("frequency", "Hz", Spacing.LOG)
     limits = (0.5 * float(amplitude.min()), 2.0 * float(amplitude.max())) if len(amplitude) else None
-    gain = Scale("gain", unit_on(kind, "rad/s per N m"), Spacing.LOG, limits=limits)
+    gain = Scale("gain", unit_of("rad/s per N m"), Spacing.LOG, limits=limits)
     rows = (
         (Panel(frequency, gain, tuple(gains)),),
         (Panel(frequency, Scale("phase", "deg"), tuple(phases)),),
@@ -124,9 +124,9 @@ def _degrees(response: np.ndarray) -> Array:
     return np.where(angle > 135.0, angle - 360.0, angle)
 
 
-def parameter_table(model: PlantModel, kind: str) -> Html:
+def parameter_table(model: PlantModel, unit_of: Unit) -> Html:
     """Every parameter with its standard deviation."""
-    inertia, damping = unit_on(kind, "kg m²"), unit_on(kind, "N m s/rad")
+    inertia, damping = unit_of("kg m²"), unit_of("N m s/rad")
     words = {
         "second": ("coefficient of s²", f"{damping} s²"),
         "first": ("coefficient of s: inertia", inertia),

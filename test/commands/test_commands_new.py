@@ -93,6 +93,29 @@ def test_a_telescope_is_known_from_its_bag(
 
 
 @pytest.mark.usefixtures("one_law")
+def test_signals_and_the_joint_are_taken_as_named_and_said(
+    run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The torque that acted is the effort of another joint, and the axis' own is always 1."""
+    place, path = "/mount/joint_states", tmp_path / "axis.yaml"
+    sources = [SignalSource(place, "position", "azimuth"), SignalSource(place, "effort", "azimuth")]
+    motor = [SignalSource(place, "position", "motor"), SignalSource(place, "effort", "motor")]
+    signals = SignalMap(*sources, exogenous={"angle": motor[0], "torque of the motor": motor[1]})
+    still = np.ones_like(run.t)
+    others = {"angle": still, "torque of the motor": run.torque}
+    write_recording(tmp_path / "bag", Recording(run.t, run.position, still, exogenous=others), signals)
+    words = ["new", str(tmp_path / "bag"), "-o", str(path), "--force"]
+    assert main([*words, "--signal", f"torque={place}:effort@motor"]) == 0
+    assert "joint azimuth taken of 0 azimuth, 1 motor; --joint takes another" in capsys.readouterr().err
+    assert load_axis(path).axis.inertia == pytest.approx(1000.0, rel=0.03)
+    found = load_axis(path).signals
+    assert found is not None
+    assert found.torque == SignalSource(place, "effort", "motor")
+    assert main([*words, "--joint", "1"]) == 2
+    assert "the axis never moves" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("one_law")
 def test_a_torque_of_the_other_sign_is_turned_over(run: LoopRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "axis.yaml"
     assert main(["new", str(bag(tmp_path / "bag", run, sign=-1.0)), "-o", str(path)]) == 0
@@ -119,15 +142,14 @@ def test_a_table_says_by_its_units_that_an_axis_is_linear(run: LoopRun, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("column", "factor", "inertia", "said"),
-    [
-        ("q-axis current [mA]", 10.0, 10.0, "recorded in mA of the drive: read A for N m wherever that stands"),
-        ("torque [kNm]", 1e-3, 1000.0, ""),
-    ],
+    ("column", "factor", "inertia", "unit"),
+    [("q-axis current [mA]", 10.0, 10.0, "A"), ("torque [kNm]", 1e-3, 1000.0, ""), ("actualTorque [%]", 0.5, 500.0, "%")],
 )
 def test_a_drives_current_is_taken_for_the_torque(
-    run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, column: str, factor: float, inertia: float, said: str
-) -> None:
+    run: LoopRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], column: str, factor: float,
+    inertia: float, unit: str,
+) -> None:  # fmt: skip
+    """Everything with torque in it is then in A, in the file and wherever it is told, and in what is made with the file."""
     monkeypatch.setattr(first_axis, "LAWS", first_axis.LAWS[:1])
     table, path = tmp_path / "run.csv", tmp_path / "axis.yaml"
     with table.open("w", newline="") as stream:
@@ -135,9 +157,21 @@ def test_a_drives_current_is_taken_for_the_torque(
         rows.writerow(["time [s]", "Position [deg]", column])
         rows.writerows(zip(run.t[::10], np.degrees(run.position[::10]), factor * run.torque[::10], strict=True))
     assert main(["new", str(table), "-o", str(path)]) == 0
-    assert load_axis(path).axis.inertia == pytest.approx(inertia, rel=0.2), "by the simplest law"
-    assert said in path.read_text()
-    assert ("of the drive" in path.read_text()) == bool(said)
+    told = capsys.readouterr().out
+    axis = load_axis(path).axis
+    assert axis.inertia == pytest.approx(inertia, rel=0.2), "by the simplest law"
+    assert axis.torque_unit == unit
+    for text in (told, path.read_text()):
+        assert (f"{unit} s^2/rad" in text) == bool(unit)
+        assert ("kg m^2" in text) == (not unit)
+        assert not unit or "N m" not in text
+    assert main(["identify", str(table), "--axis", str(path), "-o", str(tmp_path / "out"), "--method", "pso"]) == 0
+    found = json.loads((tmp_path / "out" / "identification.json").read_text())
+    assert found["inertia"]["unit"] == (f"{unit} s^2/rad" if unit else "kg m^2")
+    assert found["offset"]["unit"] == (unit or "N m")
+    assert load_axis(tmp_path / "out" / "axis.yaml").axis.torque_unit == unit
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert ("N m" in report.replace("\u00a0", " ")) == (not unit)
 
 
 @pytest.mark.usefixtures("one_law")
@@ -151,6 +185,8 @@ def test_a_joints_name_says_that_an_axis_is_linear_and_another_joint_can_be_aske
     ("words", "expected"),
     [
         (["BAG", "--joint", "altitude"], "--joint: no joint 'altitude', expected one of azimuth"),
+        (["BAG.csv", "--signal", "torque=/a:b"], "--signal: given for a table, expected a bag, or --column for a table"),
+        (["BAG", "--signal", "torque=/drive:data"], "no topic /drive, expected one of /mount/joint_states"),
         (["BAG", "--column", "torque=u"], "--column: given for a bag, expected a table"),
         (["BAG", "BAG.csv"], "recordings: bags and tables together, expected bags, or tables"),
         (["missing"], "missing: does not exist"),

@@ -14,7 +14,7 @@ from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas, time_since_re
 
 def look(torque: Torque | None, seed: int = 1) -> dict[str, AtlasEntry]:
     balance, fit = settled(conditioned(np.random.default_rng(seed), torque))
-    return {e.coordinate: e for e in atlas(balance, fit.noise, fit.axis.kind, balance.residual(fit.axis, fit.noise))}
+    return {e.coordinate: e for e in atlas(balance, fit.noise, fit.axis, balance.residual(fit.axis, fit.noise))}
 
 
 def test_covers_every_coordinate_that_was_recorded() -> None:
@@ -37,7 +37,7 @@ def test_noise_lives_nowhere() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(2)))
     rng, found = np.random.default_rng(3), []
     for _ in range(25):
-        found.append(atlas(balance, fit.noise, fit.axis.kind, coloured(rng, len(balance.train))))
+        found.append(atlas(balance, fit.noise, fit.axis, coloured(rng, len(balance.train))))
     for entries in zip(*found, strict=True):
         name, p_values = entries[0].coordinate, [e.p_value for e in entries]
         assert min(p_values) > 1e-4, name
@@ -93,7 +93,7 @@ def test_several_recordings_have_their_lines_together() -> None:
     one = conditioned(np.random.default_rng(1), lambda m: 0.4 * np.sin(2 * np.pi * 7.3 * m.t))
     two = conditioned(np.random.default_rng(2), lambda m: 0.4 * np.sin(2 * np.pi * 7.3 * m.t + 2.0), seconds=200.0)
     balance, fit = settled(replace(one, stretches=(*one.stretches, *two.stretches)))
-    here = atlas(balance, fit.noise, fit.axis.kind, balance.residual(fit.axis, fit.noise))[-1]
+    here = atlas(balance, fit.noise, fit.axis, balance.residual(fit.axis, fit.noise))[-1]
     assert here.period == pytest.approx(1.0 / 7.3, rel=1e-3)
     assert here.share == pytest.approx(0.08 / (0.08 + 0.09), abs=0.1)
 
@@ -117,7 +117,7 @@ def test_signal_lives_on_itself() -> None:
     (stretch,) = data.stretches
     stretch.torque[:] += 0.8 * (np.abs(stretch.signals[1]) - np.mean(np.abs(stretch.signals[1])))
     balance, fit = settled(data)
-    entries = {e.coordinate: e for e in atlas(balance, fit.noise, fit.axis.kind, balance.residual(fit.axis, fit.noise))}
+    entries = {e.coordinate: e for e in atlas(balance, fit.noise, fit.axis, balance.residual(fit.axis, fit.noise))}
     del entries["frequency"]  # the wind is slow
     best = max(entries.values(), key=lambda e: e.share)
     assert best.coordinate == "exogenous:wind_speed"
@@ -128,7 +128,7 @@ def test_held_out_data_are_not_looked_at() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(6)))
     residual = balance.residual(fit.axis, fit.noise)
     changed = np.where(balance.data.train, residual, 1e3)
-    found = [atlas(balance, fit.noise, fit.axis.kind, x) for x in (residual, changed)]
+    found = [atlas(balance, fit.noise, fit.axis, x) for x in (residual, changed)]
     for one, two in zip(*found, strict=True):
         assert one.p_value == pytest.approx(two.p_value, rel=1e-9)  # spectra of all samples round
         np.testing.assert_array_equal(one.mean, two.mean)
@@ -145,4 +145,4 @@ def test_time_since_reversal_starts_anew_at_every_reversal() -> None:
 
 def test_short_data_have_no_atlas() -> None:
     balance, fit = settled(conditioned(np.random.default_rng(8), seconds=5.0))
-    assert atlas(balance, fit.noise, axis().kind, balance.residual(fit.axis, fit.noise)) == ()
+    assert atlas(balance, fit.noise, axis(), balance.residual(fit.axis, fit.noise)) == ()

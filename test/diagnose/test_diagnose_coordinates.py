@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from concealed_torque_cases import conditioned
+from concealed_torque_cases import axis, conditioned
 
 from tcs_friction.diagnose.dataset.coordinates import unit_of, values_of
 
@@ -27,8 +27,9 @@ from tcs_friction.diagnose.dataset.coordinates import unit_of, values_of
     ],
 )
 def test_units_are_those_of_the_kind_of_axis(coordinate: str, rotary: str, linear: str) -> None:
-    assert unit_of(coordinate, "rotary") == rotary
-    assert unit_of(coordinate, "linear") == linear
+    assert unit_of(coordinate, axis()) == rotary
+    assert unit_of(coordinate, replace(axis(), kind="linear")) == linear
+    assert unit_of(coordinate, replace(axis(), torque_unit="A")) == ("A" if coordinate == "torque" else rotary)
 
 
 def test_values_are_those_at_the_samples_that_are_compared() -> None:

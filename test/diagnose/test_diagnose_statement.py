@@ -19,7 +19,7 @@ def found(name: str, **values: float) -> Found:
 
 def said(*effects: Found, verdict: str = "missing_physics", mapped: bool = False) -> str:
     where = Unexplained(verdict == "unexplained", 0.4, {"coordinates": ["position", "time"]})
-    return statement(verdict, effects, where, ERRORS, 0.45, (), "rotary", mapped)
+    return statement(verdict, effects, where, ERRORS, 0.45, (), "N m", mapped)
 
 
 def test_two_orders_of_one_effect_are_two_effects_and_one_remedy() -> None:
@@ -43,10 +43,10 @@ def test_more_than_three_effects_are_not_all_spelled_out() -> None:
 
 def test_another_law_is_said_to_do_better_only_where_it_does() -> None:
     nothing = Unexplained(False, 0.0, None)
-    better = statement("parameters", (), nothing, ERRORS, 0.45, (), "rotary", False, law="stribeck static")
+    better = statement("parameters", (), nothing, ERRORS, 0.45, (), "N m", False, law="stribeck static")
     assert "another friction law, stribeck static, takes the held-out residual from 2 (retuned) to 0.5 N m" in better
     same = {**ERRORS, "improved": ERRORS["retuned"]}
-    equal = statement("parameters", (), nothing, same, 0.45, (), "rotary", False, law="stribeck static")
+    equal = statement("parameters", (), nothing, same, 0.45, (), "N m", False, law="stribeck static")
     assert "stribeck static, does as well as the retuned one, with 2 N m left of held-out data" in equal
 
 
@@ -61,7 +61,7 @@ def test_without_a_map_it_claims_none() -> None:
     text = said(verdict="unexplained")
     assert "over position and time, which no map predicts; with what is described the held-out residual falls from 2 " in text
     where = Unexplained(True, 0.4, {"coordinates": ["time"]})
-    text = statement("unexplained", (), where, {**ERRORS, "improved": ERRORS["retuned"]}, 0.45, (), "rotary")
+    text = statement("unexplained", (), where, {**ERRORS, "improved": ERRORS["retuned"]}, 0.45, (), "N m")
     assert "over time, which no map predicts; the held-out residual stays at 2 N m" in text
     named = said(found("torque_bias", bias=3.0), verdict="unexplained")
     assert "beside torque bias (bias 3 N m; 0.7 N m rms); with what is named the held-out residual falls" in named

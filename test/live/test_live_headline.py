@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from tcs_friction.config import load_axis, shipped
 from tcs_friction.live.headline import WARNING, WELL, WRONG, Situation, headline
+from tcs_friction.live.hub import units_of
 from tcs_friction.nodes.page_state import Condition, Job, Switches
 
 NOW = 1000.0
@@ -53,3 +55,10 @@ def test_the_worst_comes_first(situation: Situation, level: str, state: str, wor
     found = headline(situation)
     assert (found.level, found.state) == (level, state)
     assert words in found.sentence
+
+
+def test_an_axis_in_amperes_is_shown_in_amperes() -> None:
+    file = load_axis(shipped("azimuth_geared.yaml"))
+    assert units_of(file.axis).torque == "N m"
+    assert units_of(replace(file.axis, torque_unit="A")).torque == "A"
+    assert units_of(replace(file.axis, kind="linear")).torque == "N"

@@ -175,7 +175,7 @@ def test_a_database_in_its_write_ahead_log_is_read(good: dict[str, Path], tmp_pa
         ("empty.db3", b"", "is empty (0 bytes)"),
         ("text.mcap", b"hello" * 100, "nothing whole in it"),
         ("text.db3", b"hello" * 100, "is no sqlite3 database"),
-        ("text.txt", b"hello" * 100, "begins with b'hellohel'"),
+        ("text.log", b"hello" * 100, "begins with b'hellohel'"),
         ("lonely.bag", b"#ROSBAG V2.0\n", "nothing whole in it"),
         ("magic.mcap", b"\x89MCAP0\r\n", "nothing whole in it"),
         ("short.mcap.zstd", b"\x28\xb5\x2f\xfd\x00", "cannot be unpacked"),

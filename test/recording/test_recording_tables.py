@@ -15,7 +15,7 @@ from tcs_friction import cli
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording
-from tcs_friction.recording.table_files import read_csv
+from tcs_friction.recording.table_text import read_text
 from tcs_friction.recording.tables import export_table, import_table
 
 AXIS = f"""
@@ -87,7 +87,7 @@ def test_a_spreadsheet_in_other_units_and_commas(tmp_path: Path) -> None:
         ("t,position [furlong],torque\n0,1,2\n1,2,3\n", {}, "holds the position in 'furlong', expected one of rad"),
         ("t,a,b\n0,1,2\n1,2,3\n", {"position": "a", "torque": "c"}, "no column 'c', expected"),
         ("t,a,b\n0,1,2\n1,2,3\n", {"positon": "a"}, "no signal 'positon', expected position"),
-        ("t,position,torque\nx,1,2\ny,2,3\n", {}, "0 messages with"),
+        ("t,position,torque\nx,1,2\ny,2,3\n", {}, "times such as 'x' cannot be read in column 't', expected numbers, h:m:s"),
     ],
 )
 def test_bad_tables_are_refused_by_name(text: str, chosen: dict[str, str], said: str, tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_the_proposal_fits_the_shared_recordings(shared_data: Path) -> None:
         (("torque [MNm]",), "holds the torque in 'MNm', expected"),
         (("position [rad]", "torque [N]"), "holds the torque in 'N', expected Nm"),
         (("torque", "wind [m/s]", "wind (km/h)"), "columns 'wind [m/s]' and 'wind (km/h)' would both be signal wind"),
-        (("torque", "position!"), "column 'position!' would be a second signal named position"),
+        (("torque", "position!"), "2 columns for position: 'position' and 'position!', expected one"),
     ],
 )
 def test_two_columns_for_one_signal_and_units_of_something_else_are_refused(
@@ -295,7 +295,7 @@ def test_no_cell_is_a_formula(tmp_path: Path) -> None:
     assert not [cell for cell in head if cell.startswith(("=", "+", "-", "@"))]
     assert f"'{evil}" in head
     assert rows[1][1] == "-1.0"
-    assert evil in read_csv(tmp_path / "a.csv").columns
+    assert evil in read_text(tmp_path / "a.csv").columns
 
 
 @pytest.mark.parametrize("link", [False, True])

@@ -148,15 +148,15 @@ def test_an_encoders_own_errors_are_told_where_they_are_seen() -> None:
 def test_the_controller_is_named_with_how_well_it_explains_the_torque() -> None:
     gains = np.array([[100.0, 1.0], [2000.0, 10.0], [0.0, 0.0], [1.0, 0.1], [0.0, 0.0]])
     shown = Shown(PidConfig(), Spread(), True, 0.9994, 0.3, gains)
-    assert gains_words(shown, "rotary") == (
+    assert gains_words(shown, str) == (
         "Controller: as the recording shows it, 100.0 N m s/rad ± 1.0 %, 2000 N m/rad ± 0.5 %; "
         "it explains 99.940 % of the torque, the file's 30 %."
     )
-    assert "100.0 N s/m" in gains_words(shown, "linear")
+    assert "100.0 N s/m" in gains_words(shown, replace(AXIS, kind="linear").unit)
     file = replace(shown, estimated=False)
-    assert gains_words(file, "rotary").startswith("Controller: the axis file's, which explains 30 % of the recorded torque")
+    assert gains_words(file, str).startswith("Controller: the axis file's, which explains 30 % of the recorded torque")
     neither = replace(file, explained=-0.1, by_file=-2.0)
-    assert "though it does not explain the recorded torque; no double-loop PID fits it" in gains_words(neither, "rotary")
+    assert "though it does not explain the recorded torque; no double-loop PID fits it" in gains_words(neither, str)
     content = to_mapping(Prediction(worth(2.0, 1.0), replace(neither, by_file=float("-inf"))), AXIS)
     assert content["controller"]["explained_by_file"] is None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcs_friction.conditioning.data_set import DataSet
-from tcs_friction.physics.terms import unit_on
+from tcs_friction.physics.axis import Axis
 
 UNITS = {
     "time": "s",
@@ -19,9 +19,9 @@ UNITS = {
 }
 
 
-def unit_of(coordinate: str, kind: str) -> str:
-    """Its unit on a "rotary" or "linear" axis; nothing for directions and for signals, whose units nobody recorded."""
-    return unit_on(kind, UNITS.get(coordinate, ""))
+def unit_of(coordinate: str, axis: Axis) -> str:
+    """Its unit on an axis; nothing for directions and for signals, whose units nobody recorded."""
+    return axis.unit(UNITS.get(coordinate, ""))
 
 
 def values_of(data: DataSet, coordinate: str) -> np.ndarray:

@@ -175,7 +175,7 @@ def _speed(moving: np.ndarray, axis: Axis) -> list[Limit]:
     slow, fast = np.percentile(np.abs(moving), [10, 98])
     if fast > ONE_SPEED * slow:
         return []
-    unit = unit_of("velocity", axis.kind)
+    unit = unit_of("velocity", axis)
     return [
         Limit(
             f"moves at one speed only ({fast:.3g} {unit}): viscous cannot be told from dry friction, and how friction depends on "

@@ -22,6 +22,7 @@ from tcs_friction.diagnose.fit.noise import NoiseModel
 from tcs_friction.diagnose.fit.noise_estimate import noise_spectrum, with_spectrum
 from tcs_friction.diagnose.remainder.chunk_means import NOISE_LEEWAY, ChunkMeans, Regression, regress
 from tcs_friction.diagnose.search.matched_filter import padded_length
+from tcs_friction.physics.axis import Axis
 
 BINS = 32  # of a coordinate at most
 CHUNKS_PER_BIN = 40  # at least: its mean then scatters by a sixth of the noise
@@ -59,9 +60,9 @@ class AtlasEntry:
 
 
 def atlas(
-    balance: TorqueBalance, noise: NoiseModel, kind: str, residual: np.ndarray
+    balance: TorqueBalance, noise: NoiseModel, axis: Axis, residual: np.ndarray
 ) -> tuple[AtlasEntry, ...]:
-    """Where a torque residual (n,) of a "rotary" or "linear" axis lives; train data only, what does not vary is left out."""
+    """Where a torque residual (n,) of an axis lives; train data only, what does not vary is left out."""
     chunks = ChunkMeans(balance, noise, residual)
     if len(chunks.rows) < 2 * CHUNKS_PER_BIN:
         return ()
@@ -70,7 +71,7 @@ def atlas(
     recorded = [*(["temperature"] if data.temperature else []), *(f"exogenous:{name}" for name in data.names)]
     names = ["time", "position", "velocity", "direction", "acceleration", "torque", "time_since_reversal", *recorded]
     coordinates = {name: made[name] if name in made else values_of(data, name) for name in names}
-    entries = [_entry(chunks, residual, name, unit_of(name, kind), x) for name, x in coordinates.items()]
+    entries = [_entry(chunks, residual, name, unit_of(name, axis), x) for name, x in coordinates.items()]
     found = [_with_period(balance, noise, entry, residual) for entry in entries if entry is not None]
     return (*found, _frequency(balance, residual))
 

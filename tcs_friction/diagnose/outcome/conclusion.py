@@ -103,7 +103,7 @@ class _Conclusion:
         axes = {"believed": believed, "retuned": self.explanation.retuned.axis, "improved": fit.axis}
         residuals = {name: self._residual(axis) for name, axis in axes.items()}
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
-        located = atlas(self.balance, fit.noise, believed.kind, residuals["retuned"])
+        located = atlas(self.balance, fit.noise, believed, residuals["retuned"])
         floor = noise_floor(self.balance, residuals["improved"])
         every = found_effects(self.balance, self.explanation, believed, floor)
         horizon = telling_horizon(data, axes["improved"], axes["retuned"])
@@ -125,14 +125,14 @@ class _Conclusion:
         added = [item for item in fit.axis.effects if not item.term.tabulated]
         lines = (*limits(data, believed), *passed_once(data, added), *self._untimed())
         if constant is not None:
-            unit = unit_of("torque", believed.kind)
+            unit = unit_of("torque", believed)
             lines += (f"anything, since a constant torque leaves only {constant:.3g} {unit}: inertia or units may be wrong",)
         law = fit.axis.friction.term.words if fit.axis.friction.term is not believed.friction.term else ""
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
             verdict=verdict,
             statement=statement(
-                verdict, found, unexplained, errors, floor, lines, believed.kind, mapped, late, law, worse
+                verdict, found, unexplained, errors, floor, lines, unit_of("torque", believed), mapped, late, law, worse
             ),
             effects=found,
             described=described,

@@ -63,7 +63,7 @@ def next_experiment(
     best = max(found, key=lambda p: p.difference)
     if best.difference < max(WORTH_A_RECORDING * own, 0.3 * noise_floor):
         return None
-    unit = unit_of("torque", axis.kind)
+    unit = unit_of("torque", axis)
     why = f"{best.words}: {a.term.id} and {b.term.id} then differ by {best.difference:.3g} {unit} rms that no retuning absorbs"
     return {
         "reference": dict(best.reference),
@@ -90,7 +90,7 @@ def library(data: DataSet, axis: Axis) -> Iterator[tuple[Mapping[str, Any], str]
         return
     slow, fast = (float(x) for x in np.percentile(moving, [5, 99]))
     hardest = float(np.percentile(np.abs(data.joined("acceleration")), 99))
-    unit = unit_of("velocity", axis.kind)
+    unit = unit_of("velocity", axis)
     speeds = (
         ("slow", slow),
         ("medium", math.sqrt(slow * fast)),

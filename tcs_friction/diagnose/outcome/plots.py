@@ -64,8 +64,8 @@ def evidence_of(
         isolated=tuple(_isolated(balance.data, axis, item, x, residuals["improved"], thin) for item, x in left),
         learned=_map(balance.data, axis),
         runners_up=_runners_up(rounds, contests, axis),
-        torque_unit=unit_of("torque", axis.kind),
-        position_unit=unit_of("position", axis.kind),
+        torque_unit=unit_of("torque", axis),
+        position_unit=unit_of("position", axis),
         notes=notes,
         friction=friction,
     )
@@ -76,13 +76,13 @@ def _isolated(
 ) -> Isolated:
     """What is `left` (n,) without this effect, against the effect's coordinate; a wave over its period."""
     coordinate = _drawn_over(item)
-    x, unit = values_of(data, coordinate), unit_of(coordinate, axis.kind)
+    x, unit = values_of(data, coordinate), unit_of(coordinate, axis)
     period = where(item, axis)["period"]
     if period is not None and np.ptp(x) > FOLDED * period:
         coordinate, x = f"{coordinate}_within_a_period", x % period
     title = item.term.words
     if item.term.periodic:
-        title += f", {item.term.order.name} {item.order:.4g} {item.term.order.unit_for(axis.kind)}"
+        title += f", {item.term.order.name} {item.order:.4g} {item.term.order.unit_for(axis.kind, axis.torque_unit)}"
     return Isolated(item.term.id, title, coordinate, unit, x[thin], left[thin], (left - improved)[thin])
 
 
@@ -91,7 +91,7 @@ def _map(data: DataSet, axis: Axis) -> Map | None:
     table = next((item.table for item in axis.effects if item.table is not None), None)
     if table is None:
         return None
-    units = tuple(unit_of(name, axis.kind) for name in table.coordinates)
+    units = tuple(unit_of(name, axis) for name in table.coordinates)
     samples = np.stack([values_of(data, name) for name in table.coordinates], axis=1)
     cells = np.histogramdd(samples, CELLS, list(zip(table.lower, table.upper, strict=True)))[0]
     return Map(table.coordinates, units, table.lower, table.upper, table.values, cells > 0.0)

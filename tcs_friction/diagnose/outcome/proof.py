@@ -219,7 +219,7 @@ class _Proof:
             name: {
                 "value": value,
                 "std": math.sqrt(max(float(slopes[name] @ covariance @ slopes[name]), 0.0)),
-                "unit": term.parameter(name).unit_for(fit.axis.kind),
+                "unit": term.parameter(name).unit_for(fit.axis.kind, fit.axis.torque_unit),
             }
             for name, value in here.items()
         }
@@ -234,7 +234,7 @@ class _Proof:
             if parameter.role is Role.FIXED or item.values[parameter.name] == parameter.default:
                 continue
             for each, deviation in _deviations(parameter, phase, item, numbers, covariance):
-                unit = each.unit_for(fit.axis.kind)
+                unit = each.unit_for(fit.axis.kind, fit.axis.torque_unit)
                 if item.term.discontinuous and item.term.coordinate == "time" and each.role is Role.SHAPE:
                     deviation = max(deviation, self._moment_within(item.values[each.name]))
                 result[each.name] = {"value": item.values[each.name], "std": deviation, "unit": unit}

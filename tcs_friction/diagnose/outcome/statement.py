@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Role
@@ -19,7 +18,7 @@ def statement(
     errors: Mapping[str, Errors],
     noise_floor: float,
     limits: Sequence[str],
-    kind: str,
+    unit: str,
     mapped: bool = False,
     late: float = 0.0,
     law: str = "",
@@ -27,11 +26,10 @@ def statement(
 ) -> str:
     """What was found, how much it matters, how well it is proven, what the data cannot say.
 
-    `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters. `law`: the
-    friction law of the improved axis, where it is another than believed. `worse`: effects with which a simulation moves worse, so
-    that they are not named.
+    unit: of torque. `mapped`: with a learned map. `late`: s by which the logged torque acts later than stated, if that matters.
+    `law`: the friction law of the improved axis, where it is another than believed. `worse`: effects with which a simulation
+    moves worse, so that they are not named.
     """
-    unit = unit_of("torque", kind)
     held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
     floor = f"noise floor {noise_floor:.3g} {unit}"
     if verdict == "match":

@@ -126,7 +126,7 @@ def draw_loops(loops: tuple[Loop, ...]) -> Figure:
 
 def figure_12(calibration: Calibration) -> Picture:
     """As the report of `./tcs calibrate` draws it."""
-    image = draw_calibration(calibration, "rotary")
+    image = draw_calibration(calibration, str)
     return Picture("figure_12", f"Fig. 12. {image.caption}", image.png)
 
 

@@ -257,7 +257,7 @@ def chapter(result: PlantResult) -> Chapter:
         f"not given, so only the form compares. The axis' coefficient of s is its inertia: {result.axis.coefficients[1]:.0f} "
         f"of {result.inertia:.0f} kg m²."
     )
-    second = Picture("figure_09_closed_loop", CLOSED_LOOP, draw_response(result.flexible, result.models, "rotary").png)
+    second = Picture("figure_09_closed_loop", CLOSED_LOOP, draw_response(result.flexible, result.models, str).png)
     parts = (picture(image), table(head, rows), words, picture(second), closed_loop_table(result.models[1]))
     html: Html = section("5.1 The plant", *parts)
     return Chapter(html, (image, second))

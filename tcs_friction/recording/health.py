@@ -1,0 +1,148 @@
+"""What a person reads before anything is identified from a bag: rates, repeated values, clocks, wraps, publishers, units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tcs_friction.errors import InputError
+from tcs_friction.recording import clock
+from tcs_friction.recording.align import align
+from tcs_friction.recording.bags import Bag, read_columns
+from tcs_friction.recording.columns import TopicColumns
+from tcs_friction.recording.freshness import fresh_samples, longest_unchanged
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.recording.stamps import stamped
+
+UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "torque": "N m or N", "temperature": "degC", "reference": "rad or m"}
+BY_REP_103 = "as ROS has it (REP 103)"
+OTHER_UNITS = {180.0 / np.pi: "deg", 1.0 / (2.0 * np.pi): "turns", 30.0 / np.pi: "revolutions a minute"}
+"""What a velocity may be in, by its ratio to the derivative of a position in rad."""
+SAME = 0.03
+"""Share by which a velocity and the derivative of its position may differ: filters of drives do that."""
+LONG = 10.0
+"""Fresh periods without a change that are worth a word (clock.GAP_PERIODS)."""
+FEWEST = 100
+
+
+@dataclass(frozen=True)
+class SignalHealth:
+    """One proposed signal. rate: messages, Hz. fresh: new values, Hz.
+
+    unchanged: longest time with the same value, s, from `since` on. low, high: of its values. unit: as believed, and why.
+    """
+
+    source: str
+    rate: float
+    fresh: float
+    unchanged: float
+    since: float
+    low: float
+    high: float
+    unit: str
+    why: str
+
+    def __str__(self) -> str:
+        parts = [f"{self.rate:.4g} Hz"]
+        if self.fresh < 0.9 * self.rate:
+            parts.append(f"a new value at {self.fresh:.4g} Hz only, held between (every {self.rate / self.fresh:.3g} messages)")
+        if self.low == self.high:
+            parts.append(f"always {self.low:.6g}")
+        elif self.unchanged * self.fresh > LONG:
+            parts.append(f"the same for {self.unchanged:.4g} s from {self.since:.4g} s on")
+        parts.append(f"{self.low:.4g} to {self.high:.4g} {self.unit}, {self.why}")
+        return "; ".join(parts)
+
+
+@dataclass(frozen=True)
+class Health:
+    """signals by name. notes: what reading them as a recording finds and mends. refused: why they are none, or None."""
+
+    signals: dict[str, SignalHealth]
+    notes: tuple[str, ...]
+    refused: str | None
+    samples: int
+    duration: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """For people."""
+        width = max(map(len, self.signals), default=0)
+        lines = [f"  {name:{width}}  {one}" for name, one in self.signals.items()]
+        lines += [f"  {note}" for note in self.notes if not note.startswith("time base: header")]
+        usable = f"read as a recording: {self.samples} samples, {self.duration:.6g} s"
+        return ["# signals of the axis", *lines, f"  refused: {self.refused}" if self.refused else f"  {usable}"]
+
+
+def health(path: Path, block: Mapping[str, Any]) -> Health | None:
+    """The proposed signals of a bag (`block`: as SignalMap.from_mapping takes it) looked at; None without position or torque."""
+    if not {"position", "torque"} <= set(block):
+        return None
+    signals = SignalMap.from_mapping(block, str(path))
+    try:
+        columns, notes = read_columns(Bag(path), [source for _, source in signals.named()])
+    except InputError as error:
+        return Health({}, (), str(error), 0, 0.0)
+    found = {name: _looked_at(name, columns[source.topic], source) for name, source in signals.named()}
+    found = {name: one for name, one in found.items() if name not in signals.exogenous or one.low != one.high}
+    try:
+        recording = align(columns, signals, str(path), notes)
+    except InputError as error:
+        return Health(found, tuple(notes), f"{error.found}, expected {error.expected}", 0, 0.0)
+    if (said := _velocity_says(recording)) and "velocity" in found:
+        found["velocity"] = _with_reason(found["velocity"], said)
+    return Health(found, recording.notes, None, len(recording), recording.duration)
+
+
+def _looked_at(name: str, columns: TopicColumns, source: SignalSource) -> SignalHealth:
+    values = columns.values[source]
+    try:
+        chosen = stamped(columns, source.topic, [])
+    except InputError:
+        chosen = np.zeros(len(columns), dtype=np.bool_)
+    headers = columns.stamps is not None and (chosen is None or bool(chosen.any()))
+    rows = np.flatnonzero(np.isfinite(values) & (chosen if chosen is not None and headers else True))
+    stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
+    line = clock.timeline(stamps[rows], columns.log_times[rows])
+    fine = values[rows][line.rows]
+    unit, why = UNITS.get(name, ""), "unit unknown" if name not in UNITS else BY_REP_103
+    if not len(fine):
+        return SignalHealth(str(source), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, unit, "no finite value")
+    seconds = (line.times - line.times[0]) * 1e-9
+    usual = clock.usual_period(line.times) * 1e-9
+    period, _ = fresh_samples(seconds, fine)
+    unchanged, since = longest_unchanged(seconds, fine)
+    rate, fresh = (1.0 / one if one > 0.0 else 0.0 for one in (usual, period))
+    return SignalHealth(str(source), rate, fresh, unchanged, since, float(fine.min()), float(fine.max()), unit, why)
+
+
+def _velocity_says(recording: Recording) -> str:
+    """Whether the velocity is the derivative of the position, "" if nobody can tell."""
+    if recording.velocity is None:
+        return ""
+    part = max(recording.segments, key=lambda one: one.stop - one.start)
+    seconds, position, velocity = recording.t[part], recording.position[part], recording.velocity[part]
+    if len(seconds) < FEWEST or np.ptp(velocity) == 0.0:
+        return ""
+    travelled = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(seconds))))
+    design = np.column_stack((position, np.ones(len(position)), seconds))
+    (ratio, _, _), *_ = np.linalg.lstsq(design, travelled, rcond=None)
+    left = travelled - design @ np.array([ratio, *np.linalg.lstsq(design[:, 1:], travelled - ratio * position, rcond=None)[0]])
+    if np.var(left) > 0.1 * np.var(travelled - np.polyval(np.polyfit(seconds, travelled, 1), seconds)):
+        return "it is not the derivative of the position"
+    if abs(ratio - 1.0) <= SAME:
+        return f"the derivative of the position ({ratio:.3f} times)"
+    other = next((unit for factor, unit in OTHER_UNITS.items() if abs(ratio / factor - 1.0) <= SAME), "")
+    return f"{ratio:.4g} times the derivative of the position{f': is it in {other}?' if other else ', has it a scale?'}"
+
+
+def _with_reason(one: SignalHealth, why: str) -> SignalHealth:
+    return SignalHealth(**(asdict(one) | {"why": why}))
