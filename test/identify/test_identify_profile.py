@@ -12,7 +12,6 @@ from tcs_friction.identify.identification import IdentifyOptions, identify
 from tcs_friction.identify.profile import _interval
 from tcs_friction.identify.uncertainty import block_bootstrap, sandwich
 
-
 NOISY_LOG = "predictions take noise of the torque's log, which moves nothing, for a disturbance: intervals are 25 % too narrow"
 
 
