@@ -16,12 +16,14 @@ from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.status_line import status_line
+from tcs_friction.conditioning.motion import prepare
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError, JobError, nearest
 from tcs_friction.identify.comparison import Comparison, compare_laws
 from tcs_friction.identify.conclusions import UNCERTAINTIES
 from tcs_friction.identify.identification import METHODS, IdentifyOptions, identify
 from tcs_friction.identify.minimum import NO_MINIMUM
+from tcs_friction.identify.net_work import refuse_turned
 from tcs_friction.identify.operators import SwarmOptions
 from tcs_friction.identify.pso_ga import Generation
 from tcs_friction.identify.result import Estimate, Identification
@@ -104,6 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
         law_named(arguments.law, "--law")
     recordings = read_recordings(arguments.bags, signals, choice_of(arguments), file.axis.kind)
     file = file.measured_in(same_torque_unit(recordings))
+    refuse_turned(prepare(recordings, options.bandwidth), file.axis.kind)
     found, comparison, searches = _identified(arguments, recordings, file.axis, options)
     if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
         where = str(arguments.axis)
