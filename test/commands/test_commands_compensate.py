@@ -342,6 +342,18 @@ def test_a_recorded_reference_may_be_a_bag_or_a_table(
     assert table["friction law"] == pytest.approx(exact["friction law"], rel=0.02), "a table needs no signals block"
 
 
+def test_a_run_whose_torque_is_a_current_shows_no_controller_in_newton_metres(
+    tmp_path: Path, recorded: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = telescope(tmp_path / "axis.yaml")
+    (source,) = read_recordings([recorded], load_axis(path).mapped(path))
+    export_table(replace(source, torque_unit="A"), tmp_path / "run.csv")
+    words = ["compensate", str(path), "-o", str(tmp_path / "out")]
+    assert main([*words, "--recording", str(tmp_path / "run.csv")]) == 2
+    assert "run.csv: holds the torque in A, expected N m, as the axis file" in capsys.readouterr().err
+    assert main([*words, "--reference", str(tmp_path / "run.csv")]) == 0, "a reference has no torque"
+
+
 def test_a_recording_without_reference_says_what_is_missing(
     tmp_path: Path, recorded: Path, reference: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
