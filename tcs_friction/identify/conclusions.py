@@ -64,9 +64,8 @@ class Conclusions:
             return np.full(self.verdicts.owed.shape, np.nan)
         covariance = _covariance(self.refined, self.verdicts.space.free, self.uncertainty)
         if self.sharp is not None:
-            own = _covariance(self.sharp.fit, self.sharp.space.free, self.uncertainty)[
-                :-NUISANCES, :-NUISANCES
-            ]
+            by_derivatives = _covariance(self.sharp.fit, self.sharp.space.free, self.uncertainty)
+            own = self.sharp.covariance_as_seen(by_derivatives)[:-NUISANCES, :-NUISANCES]
             covariance[: len(own), : len(own)] = own
         covariance += self.verdicts.owed
         return np.asarray(covariance + sum(np.outer(shift, shift) for shift in self.shifts))

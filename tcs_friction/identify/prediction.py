@@ -131,14 +131,13 @@ class Predictor(ABC):
 
     def likelihood(self, unknowns: np.ndarray, encoder: np.ndarray, samples: int | None = None) -> np.ndarray:
         """(m,) minus its logarithm, of candidates (m, k + 6) with encoder noise (m,)."""
-        errors, variances = self.predicted(unknowns, encoder, samples)
-        weights = self.weights[: errors.shape[1]]
-        return 0.5 * np.asarray((errors**2 / variances + np.log(variances)) @ weights)
+        scores = _scores(*self.predicted(unknowns, encoder, samples))
+        return np.asarray(scores @ self.weights[: scores.shape[1]])
 
     def scores(self, unknowns: np.ndarray) -> np.ndarray:
         """(n,) minus the logarithm of each sample's likelihood; NaN of samples that are left out."""
-        errors, variances = self.predicted(unknowns[None], self.encoder)
-        return np.where(self.weights > 0.0, 0.5 * (errors[0] ** 2 / variances[0] + np.log(variances[0])), np.nan)
+        (scores,) = _scores(*self.predicted(unknowns[None], self.encoder))
+        return np.where(self.weights > 0.0, scores, np.nan)
 
     def tune(self, unknowns: np.ndarray, near: bool = False) -> np.ndarray:
         """Encoder noise, rate and size of the disturbance, and size of the drift, stepping by factors, and the lateness, by
@@ -161,6 +160,11 @@ class Predictor(ABC):
             point, best = trials[least], costs[least]
         self.encoder = float(point[-1])
         return point[:-1]
+
+
+def _scores(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """(m, n) minus the logarithms of likelihoods of normal errors, but for a constant."""
+    return np.asarray(0.5 * (errors**2 / variances + np.log(variances)))
 
 
 def _bounded(values: np.ndarray) -> np.ndarray:

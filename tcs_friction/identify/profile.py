@@ -13,6 +13,7 @@ import numpy as np
 from tcs_friction.identify.conclusions import Conclusions
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Profile
+from tcs_friction.identify.uncertainty import curvature_inverse
 
 REACH = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)  # standard deviations at which a parameter is held
 CHI_95 = 1.96  # square root of the 95 % quantile of chi squared with one degree of freedom
@@ -33,10 +34,11 @@ def profiles(concluded: Conclusions, cancel: Callable[[], bool] = lambda: False)
 
 def _profile(concluded: Conclusions, fit: Refined, space: Space, k: int) -> Profile:
     index = np.flatnonzero(space.free)
-    slopes = fit.jacobian[:, index]
-    size = np.sqrt(np.maximum(np.sum(fit.weights[:, None] * slopes**2, axis=0), 1e-300))
-    inverse = np.linalg.pinv((slopes / size).T @ (fit.weights[:, None] * (slopes / size)), hermitian=True)
-    inverse /= np.outer(size, size)
+    inverse = curvature_inverse(fit.jacobian[:, index], fit.weights)
+    if concluded.sharp is not None:
+        whole = np.zeros((len(fit.unknowns), len(fit.unknowns)))
+        whole[np.ix_(index, index)] = inverse
+        inverse = concluded.sharp.covariance_as_seen(whole)[np.ix_(index, index)]
     place = int(np.flatnonzero(index == k)[0])
     std = math.sqrt(concluded.covariance[k, k])
     scale = inverse[place, place] / std**2  # from cost to likelihood, residuals as coloured as they are

@@ -15,11 +15,13 @@ from tcs_friction.identify.prediction import NUISANCES, ForcedPredictor, LuGrePr
 from tcs_friction.identify.prediction_kernel import SLOW
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Noise
+from tcs_friction.identify.uncertainty import curvature_inverse
 
 BINS = 2001  # of a spectrum that is integrated
 MOSTLY = 0.5  # of the samples, at least, must be resolved
 ROUNDS = 3  # of fits, each with the weights that follow from the one before
 COARSE = 0.5  # rad that bristles swing in a step, until a fit is near its end: the midpoint rule errs by 1 % of their frequency
+LEAST_SEEN = 0.01  # of a curvature: with less, a standard error that is ten times as large says that nothing is known
 LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
 SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
 SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
@@ -34,6 +36,7 @@ class Sharpened:
 
     unknowns (k + 6,): law, inertia, offset, lateness s, rate 1/s and size of the disturbance, size of the drift, rad/s^2 rms.
     fit: of the errors of prediction. scores (n,): of each sample, minus the logarithm of its likelihood; NaN of those left out.
+    seen: share of the curvature of the squares by the lateness, as derivatives have it, that the squares themselves have.
     """
 
     unknowns: np.ndarray
@@ -42,6 +45,7 @@ class Sharpened:
     evaluations: int
     aim: Predictor
     scores: np.ndarray
+    seen: float
 
     def likelier_than(self, other: Sharpened) -> bool:
         """Whether it predicts at least as well; of the same samples, or on average of different ones."""
@@ -54,6 +58,16 @@ class Sharpened:
         """Of drive and encoder: the disturbance and its drift as torques, and what blurs each position."""
         inertia, rate, size, drift = (float(self.unknowns[k]) for k in (-NUISANCES - 3, -3, -2, -1))
         return Noise(inertia * math.hypot(size, drift), rate / (2.0 * math.pi), self.aim.encoder)
+
+    def covariance_as_seen(self, covariance: np.ndarray) -> np.ndarray:
+        """A covariance (q, q) by derivatives with the lateness as unsure as the squares say, and what goes with it.
+
+        Noise of a torque's log makes its derivative by the lateness large, but tells no time: the squares hardly change with it.
+        """
+        k = len(self.unknowns) - NUISANCES - 1
+        if not covariance[k, k] > 0.0:
+            return covariance
+        return covariance + (1.0 / self.seen - 1.0) * np.outer(covariance[k], covariance[k]) / covariance[k, k]
 
     def torque_left(self, bandwidth: float) -> float:
         """N m rms that a fit of torques behind a low pass (Hz) leaves, if noise of drive and encoder are as they were found.
@@ -128,7 +142,21 @@ def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable
         rounds += spaces is space
         if exact is not predictor:
             evaluations, predictor = evaluations + predictor.evaluations, exact
-    return Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor, predictor.scores(start))
+    seen = _seen(predictor, fit)
+    return Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor, predictor.scores(start), seen)
+
+
+def _seen(predictor: Predictor, fit: Refined) -> float:
+    """`Sharpened.seen`: half a unit of cost at one standard error of the lateness, by derivatives, beside what it is there."""
+    index, late = np.flatnonzero(predictor.space.free), len(fit.unknowns) - NUISANCES - 1
+    if late not in index:
+        return 1.0
+    inverse = curvature_inverse(fit.jacobian[:, index], fit.weights)
+    way, at = np.zeros(len(fit.unknowns)), int(np.searchsorted(index, late))
+    way[index] = inverse[:, at] / math.sqrt(inverse[at, at])
+    ends = [np.clip(fit.unknowns + side * way, predictor.space.lower, predictor.space.upper) for side in (1.0, -1.0)]
+    costs = [0.5 * float(fit.weights @ (predictor.target - predictor.evaluated(end)) ** 2) for end in ends]
+    return float(np.clip(sum(costs) - 2.0 * fit.cost, LEAST_SEEN, 1.0))
 
 
 def likelier(scores: np.ndarray, others: np.ndarray) -> bool:
@@ -145,7 +173,7 @@ def _predictor(fine: Fine, space: Space, unknowns: np.ndarray, finest: float) ->
 def widened(space: Space) -> Space:
     """With rate and size of the disturbance, and size of the drift."""
     return Space(
-        np.concatenate([space.lower, [START_RATE / 30.0, 1e-300, 1e-300]]),
+        np.concatenate([space.lower, [START_RATE / 30.0, 1e-30, 1e-30]]),
         np.concatenate([space.upper, [1e5, np.inf, np.inf]]),
         np.concatenate([space.logarithmic, [True, True, True]]),
         np.concatenate([space.free, [True, True, True]]),

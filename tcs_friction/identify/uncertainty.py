@@ -35,6 +35,14 @@ def few_samples(residual: np.ndarray, parameters: int) -> float:
     return float(student.ppf(0.975, freedom) / norm.ppf(0.975))
 
 
+def curvature_inverse(jacobian: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(p, p) inverse of the squares' curvature by derivatives: the covariance if errors are white, of deviation one."""
+    slopes = jacobian * np.sqrt(weights)[:, None]
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-140)
+    inverse: np.ndarray = np.linalg.pinv((slopes / size).T @ (slopes / size), hermitian=True) / np.outer(size, size)
+    return inverse
+
+
 def sandwich(jacobian: np.ndarray, residual: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Covariance (p, p) of least-squares estimates whose residuals are correlated (Newey and West 1987).
 

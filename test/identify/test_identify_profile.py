@@ -12,14 +12,8 @@ from tcs_friction.identify.identification import IdentifyOptions, identify
 from tcs_friction.identify.profile import _interval
 from tcs_friction.identify.uncertainty import block_bootstrap, sandwich
 
-NOISY_LOG = "predictions take noise of the torque's log, which moves nothing, for a disturbance: intervals are 25 % too narrow"
 
-
-@pytest.mark.parametrize(
-    "source",
-    [series, pytest.param(recording, marks=pytest.mark.xfail(reason=NOISY_LOG, strict=True))],
-    ids=["torques", "predictions"],
-)
+@pytest.mark.parametrize("source", [series, recording], ids=["torques", "predictions"])
 def test_intervals_of_profiles_agree_with_standard_errors_and_hold_the_truth(source: object) -> None:
     data = source(axis_of(), seconds=24.0)  # type: ignore[operator]
     found = identify([data], axis_of(), options=IdentifyOptions(profile=True))

@@ -28,7 +28,7 @@ def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
     simulator = Simulator(axis, PERIOD, substeps=20, seed=4)
     t = PERIOD * np.arange(1, COUNT + 1)
-    command = 260.0 * np.sin(2 * np.pi * 0.21 * t) + 160.0 * np.sin(2 * np.pi * 0.93 * t) + 60.0 * np.sin(2 * np.pi * 4.1 * t)
+    command = 80.0 * np.sin(2 * np.pi * 0.21 * t) + 50.0 * np.sin(2 * np.pi * 0.93 * t) + 25.0 * np.sin(2 * np.pi * 4.1 * t)
     torque, position = np.empty(COUNT), np.empty(COUNT)
     for k, value in enumerate(command.tolist()):
         torque[k] = simulator.step(value)
@@ -49,8 +49,8 @@ def test_any_stamps_lead_to_the_same_axis(driven: tuple[np.ndarray, np.ndarray, 
     truth = axis_of().friction.values
     for name in PARAMETERS:
         one = found.parameters[name]
-        assert not one.determined or one.value == pytest.approx(truth[name], abs=4.0 * one.std), name
-    assert all(found.parameters[name].determined for name in ("coulomb", "stiffness", "damping", "viscous"))
+        assert one.determined, name
+        assert one.value == pytest.approx(truth[name], abs=4.0 * one.std), name
     assert found.inertia.value == pytest.approx(1000.0, abs=4.0 * found.inertia.std)
 
 
