@@ -23,6 +23,7 @@ from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.recording import Recording, same_torque_unit
+from tcs_friction.recording.table_files import is_table
 from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
 
 WRITTEN = ("diagnosis.json", "axis.yaml", EXPERIMENT, "report.html")
@@ -77,6 +78,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], None]) -> tuple[AxisFile, str]:
     file = load_axis(arguments.axis) if arguments.axis is not None else None
+    if arguments.joint and not all(map(is_table, arguments.bags)):  # a bag's joint stands in the axis file
+        _refuse_joint_without_model(arguments)
     if arguments.against is None:
         assert file is not None
         return file, ""
@@ -94,6 +97,16 @@ def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], No
         axis, remark = believed_from_recordings(str(arguments.against), moved, start, arguments.seed, progress)
         return file.with_axis(axis), remark
     return believed_from_simulation(arguments.against, arguments.bags, file, arguments.seed, progress)
+
+
+def _refuse_joint_without_model(arguments: argparse.Namespace) -> None:
+    """Of bags, --joint is that of a model of MuJoCo. Raises InputError where there is none."""
+    if arguments.against is None:
+        raise InputError("--joint", "given without a model of MuJoCo", "--against FILE.xml beside it")
+    from tcs_friction.diagnose.from_model import is_model
+
+    if not is_model(arguments.against):
+        raise InputError("--joint", f"given with the bag {arguments.against}", "a model of MuJoCo: --against FILE.xml")
 
 
 def _read(arguments: argparse.Namespace, file: AxisFile) -> tuple[Recording, ...]:

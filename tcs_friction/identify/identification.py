@@ -352,8 +352,7 @@ def _sharpened(
     unknowns[:size] = sharp.unknowns[:size]
     refined = refit(problem, unknowns, space.holding(np.arange(len(unknowns)) < size), loss, VALLEY_STEPS)
     residual = refined.residual
-    left = rms(residual[counted])
-    if not left < WORSE * max(before, sharp.torque_left(problem.motion.bandwidth) if sharp.sound else 0.0):
+    if not rms(residual[counted]) < WORSE * before:
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     notes = verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED)
     evaluations = verdicts.evaluations + sharp.evaluations

@@ -12,12 +12,10 @@ from tcs_friction.conditioning.hold import Between
 from tcs_friction.identify.fine import Fine
 from tcs_friction.identify.models import LuGreModel
 from tcs_friction.identify.prediction import NUISANCES, ForcedPredictor, LuGrePredictor, Predictor
-from tcs_friction.identify.prediction_kernel import SLOW
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Noise
 from tcs_friction.identify.uncertainty import curvature_inverse
 
-BINS = 2001  # of a spectrum that is integrated
 MOSTLY = 0.5  # of the samples, at least, must be resolved
 ROUNDS = 3  # of fits, each with the weights that follow from the one before
 COARSE = 0.5  # rad that bristles swing in a step, until a fit is near its end: the midpoint rule errs by 1 % of their frequency
@@ -68,18 +66,6 @@ class Sharpened:
         if not covariance[k, k] > 0.0:
             return covariance
         return covariance + (1.0 / self.seen - 1.0) * np.outer(covariance[k], covariance[k]) / covariance[k, k]
-
-    def torque_left(self, bandwidth: float) -> float:
-        """N m rms that a fit of torques behind a low pass (Hz) leaves, if noise of drive and encoder are as they were found.
-
-        A torque whose noise is in the log alone and moves nothing is no disturbance: predictions take it for one, and are wrong.
-        """
-        frequency = np.linspace(0.0, 2.0 * bandwidth, BINS)
-        omega, gain = 2.0 * np.pi * frequency, 1.0 / (1.0 + (frequency / bandwidth) ** 8)
-        inertia, rate, size, drift = (float(self.unknowns[k]) for k in (-NUISANCES - 3, -3, -2, -1))
-        driven = 4.0 * (size**2 * rate / (rate**2 + omega**2) + drift**2 * SLOW / (SLOW**2 + omega**2))
-        encoder = 2.0 * self.aim.fine.period * self.aim.encoder**2 * omega**4
-        return inertia * math.sqrt(float(np.trapezoid((driven + encoder) * gain**2, frequency)))
 
     @property
     def sound(self) -> bool:

@@ -7,7 +7,7 @@ filter, which bends what friction does at a reversal. They say when friction is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rclpy.clock import Clock
@@ -32,6 +32,7 @@ from tcs_friction.nodes.live import LiveRecording, recordings
 from tcs_friction.nodes.peers import ResultsConfig, new_results
 from tcs_friction.nodes.qos import COLLECT, LATCHED
 from tcs_friction.nodes.topic_input import EstimateInput
+from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.recording import Recording
 from tcs_friction.report.identification_files import write_identification
 
@@ -134,10 +135,17 @@ def identified(
             cost=float(generation.cost),
         )
 
-    found = identify(data, file.axis, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
+    believed = _with_signals_of(data, file.axis)
+    found = identify(data, believed, config.method, "lugre", config.seed, tell, progress.cancelled.is_set)
     if progress.cancelled.is_set():
         raise JobError("identification", "was cancelled")
     return found, data, source
+
+
+def _with_signals_of(data: Sequence[Recording], axis: Axis) -> Axis:
+    """The axis without the effects of signals that are not recorded: what is believed of them cannot be taken into account."""
+    known = set.intersection(*(set(one.exogenous) for one in data))
+    return replace(axis, effects=tuple(item for item in axis.effects if item.signal is None or item.signal in known))
 
 
 def lugre_parameters(found: Identification, source: str, clock: Clock) -> LugreParameters:
