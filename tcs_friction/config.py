@@ -111,6 +111,11 @@ class AxisFile:
         return self.signals
 
 
+def control_of(file: AxisFile) -> Control:
+    """How an axis file says to control its axis, or a cautious way where it does not say."""
+    return file.control or default_control(file.axis)
+
+
 def shipped(name: str, folder: str = "config") -> Path:
     """A file of a folder of the checkout or of the installed package; InputError if it has none of that name."""
     prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]

@@ -40,8 +40,8 @@ class Robot:
         from std_msgs.msg import Float64MultiArray
         from tcs_friction_msgs.msg import AxisTorque
 
-        from tcs_friction.nodes.qos import LISTEN, PUBLISH
-        from tcs_friction.nodes.wire import TORQUE, JointWire
+        from tcs_friction.nodes.core.qos import LISTEN, PUBLISH
+        from tcs_friction.nodes.core.wire import TORQUE, JointWire
 
         self.torque: float | None = torque
         self.applied: list[list[float]] = [[0.0] * 3]

@@ -18,8 +18,8 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
-from tcs_friction.nodes.qos import COLLECT, LISTEN
-from tcs_friction.nodes.steady import steady_timer
+from tcs_friction.nodes.core.qos import COLLECT, LISTEN
+from tcs_friction.nodes.core.steady import steady_timer
 
 ASK_EVERY = 1.0  # s
 SILENT = 5.0

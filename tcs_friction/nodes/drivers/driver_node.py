@@ -15,22 +15,22 @@ from typing import TypeVar
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque
 
-from tcs_friction.config import AxisFile
+from tcs_friction.config import AxisFile, control_of
 from tcs_friction.control.plausible import ranges
 from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME, control_of, derived
-from tcs_friction.nodes.convert import SECOND
+from tcs_friction.nodes.core.base import LOCK_STEP, REAL_TIME, derived
+from tcs_friction.nodes.core.convert import SECOND
+from tcs_friction.nodes.core.health import Level
+from tcs_friction.nodes.core.managed import ManagedConfig, ManagedNode
+from tcs_friction.nodes.core.qos import LISTEN
+from tcs_friction.nodes.core.rivals import Rivals
+from tcs_friction.nodes.core.steady import steady_timer
+from tcs_friction.nodes.core.wire import TORQUE, JointWire
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
-from tcs_friction.nodes.gate import say, torque_limits
-from tcs_friction.nodes.health import Level
-from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
-from tcs_friction.nodes.plant import COMMAND
-from tcs_friction.nodes.qos import LISTEN
-from tcs_friction.nodes.rivals import Rivals
-from tcs_friction.nodes.steady import steady_timer
-from tcs_friction.nodes.wire import TORQUE, JointWire
+from tcs_friction.nodes.loop.gate import say, torque_limits
+from tcs_friction.nodes.loop.plant import COMMAND
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
+from tcs_friction.nodes.core.joint_input import JointInput
+from tcs_friction.nodes.core.managed import ManagedNode
+from tcs_friction.nodes.core.qos import LISTEN, NEWEST
+from tcs_friction.nodes.core.steady import steady_timer
+from tcs_friction.nodes.core.wire import message_of
 from tcs_friction.nodes.drivers.controller_watch import ControllerWatch, OtherCommands
 from tcs_friction.nodes.drivers.effort_commands import EffortCommand, Others, objection
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
-from tcs_friction.nodes.joint_input import JointInput
-from tcs_friction.nodes.managed import ManagedNode
-from tcs_friction.nodes.qos import LISTEN, NEWEST
-from tcs_friction.nodes.steady import steady_timer
-from tcs_friction.nodes.wire import message_of
 
 STATES = "/joint_states"
 LOOK_EVERY = 0.1  # s
