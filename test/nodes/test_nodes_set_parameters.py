@@ -24,6 +24,7 @@ REMEMBERED = {
     "_accepted",
     "_order",  # stamps of recent states
     "_run",  # which run of a plant it is
+    "_given",  # what users have set
 }
 """Attributes that tell what has happened, and not how the node is set."""
 

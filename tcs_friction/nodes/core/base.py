@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
@@ -80,6 +80,7 @@ class AxisNode(Node, Generic[C]):
         self._problem_lines, self._warning_lines = Problems(), Warnings()
         self.config: C = parameters.declare(self, defaults(self.file))
         parameters.refuse_unknown(self)
+        self._given = parameters.given(self)
         self.lock_step = self.config.clock == LOCK_STEP
         self.publish_profile = PUBLISH if self.lock_step else PUBLISH_IN_REAL_TIME
         self.check(self.config, self.file)
@@ -151,8 +152,8 @@ class AxisNode(Node, Generic[C]):
         return SetParametersResult(successful=True)
 
     def _wanted(self, file: AxisFile, changes: Sequence[Parameter]) -> C:
-        """The configuration after a change; another axis brings its own values for all that is neither fixed nor named."""
-        base = self.config if file is self.file else parameters.keep_fixed(self._defaults(file), self.config)
+        """The configuration after a change; another axis brings its own values for all but what is fixed or given."""
+        base = self.config if file is self.file else parameters.keep(self._defaults(file), self.config, self._given)
         return parameters.with_parameters(base, changes, self.get_name())
 
     def _file_after(self, changes: Sequence[Parameter]) -> AxisFile:
@@ -166,6 +167,8 @@ class AxisNode(Node, Generic[C]):
 
     def _apply(self, changes: Sequence[Parameter]) -> None:
         file, asked = self._accepted, frozenset(item.name for item in changes)
+        if not self.changing:
+            self._given |= asked
         wanted = self._wanted(file, changes)
         if file is not self.file:
             self.file, self.changing = file, asked
@@ -176,6 +179,13 @@ class AxisNode(Node, Generic[C]):
         self._log_switches(changes)
         self.configure(wanted)
         self.changing = frozenset()
+
+    def replace_given(self, values: Mapping[str, Any]) -> SetParametersResult:
+        """Set parameters, all or none, to what was found out about the axis; another axis file replaces them."""
+        result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        if result.successful:
+            self._given -= values.keys()
+        return result
 
     def _log_switches(self, changes: Sequence[Parameter]) -> None:
         for item in changes:

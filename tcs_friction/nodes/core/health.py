@@ -73,6 +73,7 @@ class Health:
     _begun: float = 0.0
     _was: Level = Level.OK  # the worst of what is well again since the last report
     _limits: dict[str, str] = field(default_factory=dict)
+    _disbelieved: dict[str, str] = field(default_factory=dict)
 
     # What callbacks say
 
@@ -111,6 +112,10 @@ class Health:
         """Count an input that was refused and say why."""
         self.refused += 1
         self.note(what)
+
+    def disbelieve(self, name: str, reason: str) -> None:
+        """An expected input was heard and is not believed; it is named so where nothing else comes."""
+        self._disbelieved[name] = reason
 
     def expect(self, name: str, level: Level = Level.ERROR) -> None:
         """Real time: this input has to come; `level` says how bad it is when it does not."""
@@ -173,8 +178,9 @@ class Health:
                 continue
             if arrivals.last < 0.0 or age > limits.age_limit:
                 since = "" if arrivals.last < 0.0 else f" for {age:.1f} s"
+                heard = f": heard and not believed ({self._disbelieved[name]})" if name in self._disbelieved else ""
                 say = self.fail if arrivals.level is Level.ERROR else self.doubt
-                say(f"no {name}", f"no {name}{since}")
+                say(f"no {name}", f"no {name}{since}{heard}")
                 self.values[f"age of {name} [s]"] = f"{age:.3f}" if since else "never came"
                 continue
             self.well(f"no {name}")
@@ -182,6 +188,7 @@ class Health:
                 self.note(f"{name} stayed away for {arrivals.longest:.3f} s, the limit is {limits.age_limit:g} s")
             self.values[f"age of {name} [s]"] = f"{age:.3f}"
             arrivals.longest = 0.0
+        self._disbelieved.clear()
         then, ticks, overruns = self._before
         expected = (now - then) / limits.period
         if not then or self.ticks == ticks:

@@ -120,6 +120,7 @@ class JointInput:
 
     def _refuse(self, reason: str, now: float) -> None:
         if reason:
+            self._health.disbelieve(TOPIC, reason)
             self._health.refuse(f"{TOPIC} refused: {reason}")
             self.contradicted = now
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import is_dataclass, replace
 from types import ModuleType
 from typing import Any, TypeVar
@@ -95,9 +95,14 @@ def as_parameters(config: Any) -> list[Parameter]:
     return [Parameter(name, value=as_ros(value)) for name, (entry, value) in flatten(config).items() if not entry.fixed]
 
 
-def keep_fixed(config: Config, before: Config) -> Config:
-    """A configuration with the fixed settings of the one before."""
-    return changed(config, {name: value for name, (entry, value) in flatten(before).items() if entry.fixed})
+def given(node: Node) -> set[str]:
+    """Names of the parameters that were given at the start, on the command line or in a file."""
+    return set(node._parameter_overrides) & set(node._parameters)
+
+
+def keep(config: Config, before: Config, names: Collection[str]) -> Config:
+    """A configuration with those settings of the one before that are fixed or named."""
+    return changed(config, {name: value for name, (entry, value) in flatten(before).items() if entry.fixed or name in names})
 
 
 def with_parameters(config: Config, parameters: Sequence[Parameter], where: str) -> Config:

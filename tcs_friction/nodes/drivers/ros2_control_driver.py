@@ -106,7 +106,7 @@ class Ros2ControlDriver(DriverNode[Ros2ControlConfig]):
             return
         self.health.well("description")
         self._described, self.hardware.needed = described, ""
-        self._gate.configure(self.limits(self.config), self.config.ramp_time)
+        self.use_limits(self.config)
 
     def destroy_node(self) -> None:
         """Torque goes over `stop_time` here too; zero is the last thing that is sent."""

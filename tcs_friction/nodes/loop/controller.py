@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
 
 from tcs_friction.config import AxisFile, control_of
@@ -21,9 +22,10 @@ from tcs_friction.nodes.core.executor import run
 from tcs_friction.nodes.core.health import Level
 from tcs_friction.nodes.core.joint_input import JointInput
 from tcs_friction.nodes.core.managed import ManagedConfig, ManagedNode
-from tcs_friction.nodes.core.qos import LISTEN
+from tcs_friction.nodes.core.qos import LATCHED, LISTEN
 from tcs_friction.nodes.core.rivals import HeardInput, Rivals
 from tcs_friction.nodes.core.wire import ESTIMATE, REFERENCE, TORQUE
+from tcs_friction.nodes.loop.gate import LIMITS, OVERSPEED_SHARE, limits_told
 from tcs_friction.nodes.loop.model import MeasuredMotion, ModelConfig
 
 COMPENSATION, OBSERVER = "friction_compensation", "friction_estimate"
@@ -56,6 +58,7 @@ class Controller(ManagedNode[ControllerConfig]):
 
     def __init__(self) -> None:
         self._motion = MeasuredMotion()
+        self._told: tuple[float, float] | None = None  # speed and torque that the driver lets on
         super().__init__("controller", defaults)
         self._publisher = self.create_publisher(AxisTorque, "torque_command", self.publish_profile)
         self._message = b""
@@ -76,6 +79,7 @@ class Controller(ManagedNode[ControllerConfig]):
         self.create_subscription(AxisReference, "reference", self._on_reference, LISTEN, raw=True)
         self.create_subscription(AxisTorque, "friction_compensation", self._on_compensation, LISTEN, raw=True)
         self.create_subscription(FrictionEstimate, "friction_estimate", self._on_estimate, LISTEN, raw=True)
+        self.create_subscription(JointState, LIMITS, self._on_limits, LATCHED)
         heard: dict[str, HeardInput] = {"joint_states": self._state, **self._answers}
         self.rivals = Rivals(self, heard)
 
@@ -86,7 +90,7 @@ class Controller(ManagedNode[ControllerConfig]):
         if config.period != self.config.period:
             self._pid = DoubleLoopPid(config, config.period)
         super().configure(config)
-        self._pid.configure(config)
+        self._pid.configure(self._within(config))
         self._motion.configure(config, self.file, config.period)
         self._lock_step = self.lock_step
         self._limits = config.reference_limits(self.file.axis.inertia)
@@ -96,6 +100,28 @@ class Controller(ManagedNode[ControllerConfig]):
             faded.configure(config.age_limit, config.ramp_time)
         if not self._lock_step:
             self._expect_inputs()
+
+    def _on_limits(self, message: JointState) -> None:
+        """Those of the driver: a command beyond them would be refused, and a speed beyond them ends the torque."""
+        told = limits_told(message, self.file.axis.name)
+        if told is None:
+            self.health.refuse(f"{LIMITS} refused: not those of {self.file.axis.name}")
+            return
+        self._told = told
+        self._pid.configure(self._within(self.config))
+
+    def _within(self, config: ControllerConfig) -> ControllerConfig:
+        """The configuration with the smaller limits of its own and the driver's; in lock-step there are its own alone."""
+        if self._told is None or self.lock_step:
+            return config
+        speed, torque = min(config.velocity_limit, self._told[0]), min(config.torque_limit, self._told[1])
+        values = f"{torque:g} N m, {speed:g} rad/s"
+        narrower = torque < config.torque_limit or speed < OVERSPEED_SHARE * config.velocity_limit
+        if narrower and values != self.health.values.get("limits"):
+            own = f"{config.torque_limit:g} N m, {config.velocity_limit:g} rad/s"
+            self.get_logger().warning(f"limits: {values}, where the driver's are smaller than its own ({own})")
+        self.health.values["limits"] = values
+        return replace(config, velocity_limit=speed, torque_limit=torque)
 
     def _expect_inputs(self) -> None:
         """Real time: without a reference there is no torque; without the others there is less accuracy."""

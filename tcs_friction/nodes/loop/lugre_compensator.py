@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import Temperature
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, LugreParameters
 
@@ -171,6 +170,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         now = time.monotonic()
         step = self._rule.judge(stamp, 0.0, now)
         if step is REFUSED and self._rule.reason:
+            self.health.disbelieve("reference", self._rule.reason)
             self.health.refuse(f"reference refused: {self._rule.reason}")
         elif step is NEXT or step is NEW_RUN:
             self.health.heard("reference", now, self.config.period)
@@ -264,7 +264,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             return  # latched by another publisher, and replaced since
         self._identified = stamp
         values = friction_of(message)
-        result = self.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        result = self.replace_given(values)
         if result.successful:
             unused = " but not used: parameter model is set" if self._model is not None else ""
             self.get_logger().info(f"LuGre parameters taken from {message.source or 'lugre_parameters'}{unused}")

@@ -32,7 +32,7 @@ from tcs_friction.nodes.core.qos import LISTEN
 from tcs_friction.nodes.core.rivals import Rivals
 from tcs_friction.nodes.core.steady import steady_timer
 from tcs_friction.nodes.core.wire import ESTIMATE, TORQUE, JointWire, Numbers
-from tcs_friction.nodes.loop.gate import say, torque_limits
+from tcs_friction.nodes.loop.gate import LimitsPublisher, say, torque_limits
 from tcs_friction.nodes.loop.surroundings import Surroundings
 from tcs_friction.physics.simulate import Simulator
 
@@ -75,6 +75,7 @@ class Plant(ManagedNode[PlantConfig]):
         self._recent = RecentStates(self.config.age_limit)
         self._answers = AnswerRule(self._recent)
         self._gate = TorqueGate(self.config, self.config.ramp_time)
+        self._limits = LimitsPublisher(self)
         if not self.lock_step:
             self.health.expect(COMMAND, Level.WARN)
         self._surroundings = Surroundings(self, self.health, self.config.beside, self._join, self._go_on)
@@ -95,6 +96,7 @@ class Plant(ManagedNode[PlantConfig]):
         super().configure(config)
         self._recent.configure(config.age_limit)
         self._gate.configure(config, config.ramp_time)
+        self._limits.tell(self.file.axis.name, config)
         self._until = round(config.run_until * SECOND)
         self._temperature_ticks = max(1, round(TEMPERATURE_EVERY / config.period))
         self._reading_ticks = max(1, round(1.0 / (config.dynamometer * config.period))) if config.dynamometer else 0
