@@ -70,6 +70,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:  # what nobody nearer to it could say more about
         return _fail(refusal(error))
+    except Exception as error:
+        from tcs_friction.physics.registry import raised_by_plug_in
+
+        plug_in = raised_by_plug_in(error)
+        if plug_in is None:
+            raise
+        return _fail(JobError(plug_in, f"{type(error).__name__}: {error}", "what a term declares (tcs_friction.physics.terms)"))
 
 
 def _fail(error: TcsError) -> int:

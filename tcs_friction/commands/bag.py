@@ -14,8 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.commands.parser import name_word
@@ -29,6 +27,7 @@ from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.tables import export_table, import_table
 from tcs_friction.recording.write import write_recording
 from tcs_friction.writable import new_output, output_file
+from tcs_friction.yaml_files import dump_yaml
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +89,7 @@ def _import(arguments: argparse.Namespace) -> None:
     result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}
     _tell(arguments, imported.recording.notes, result | {"signals": block})
     if not arguments.json and file is None:
-        print(yaml.safe_dump({"signals": block}, sort_keys=False, default_flow_style=None), end="")
+        print(dump_yaml({"signals": block}, flow=None), end="")
 
 
 def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[str, Any]) -> None:

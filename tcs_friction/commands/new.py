@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.notes import tell_notes
@@ -36,6 +35,7 @@ from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.table_files import is_table
 from tcs_friction.recording.tables import import_table
 from tcs_friction.writable import output_file
+from tcs_friction.yaml_files import dump_yaml
 
 LINEAR_WORDS = ("linear", "slide", "carriage", "gantry", "prismatic", "stage", "force", "thrust", "rail", "ballscrew")
 """In the name of a joint, topic or field: an axis that moves along a line."""
@@ -140,7 +140,7 @@ def text_of(content: Mapping[str, Any], told: Mapping[tuple[str, ...], str], hea
     """
     lines = [f"# {line}" for line in heading]
     path: list[str] = []
-    for line in yaml.safe_dump(_rounded(dict(content)), sort_keys=False, width=110).splitlines():
+    for line in dump_yaml(_rounded(dict(content))).splitlines():
         match = re.match(r"( *)(\w+):", line)
         if match is not None:
             path = [*path[: len(match[1]) // 2], match[2]]
