@@ -73,6 +73,8 @@ def run(arguments: argparse.Namespace) -> None:
     store = Store(arguments.output)
     with store.alone():
         summary = _run(arguments, found, plan, store)
+    for note in store.notes:
+        print(f"tcs-friction: {printable(note)}", file=sys.stderr)
     content = {
         "recordings": summary.recordings, "pieces": summary.before + summary.now, "done_before": summary.before,
         "done_now": summary.now, "failed": summary.failed, "seconds": summary.seconds, "output": arguments.output,

@@ -109,7 +109,7 @@ def test_times_that_cannot_be_seconds_are_refused(tmp_path: Path) -> None:
 def test_other_suffixes_and_missing_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"suffix '.xlsx', expected \.csv or \.parquet"):
         export_table(recording(), tmp_path / "a.xlsx")
-    with pytest.raises(InputError, match="does not exist"):
+    with pytest.raises(InputError, match="no such file"):
         import_table(tmp_path / "a.csv", "axis", {})
     assert not list(tmp_path.iterdir())
 
