@@ -99,6 +99,10 @@ class AxisFile:
         signals = replace(self.signals, torque=replace(self.signals.torque, unit=torque_unit))
         return replace(self, signals=signals, axis=replace(self.axis, torque_unit=torque_unit))
 
+    def at(self, signals: SignalMap) -> AxisFile:
+        """The same with the signals elsewhere in a bag, of another joint, say."""
+        return replace(self, signals=signals)
+
     def with_axis(self, axis: Axis) -> AxisFile:
         """The same file about another axis."""
         return replace(self, axis=axis)

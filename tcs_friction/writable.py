@@ -1,7 +1,7 @@
 """Where results go: looked at before the work, and named when the system refuses it in the midst of the work.
 
-`output_directory`, `output_file` and `new_output` turn a word into a path and raise InputError where it cannot be written. They
-are the `type` of every -o argument, and nodes call them when a job names a directory.
+`output_directory`, `output_file`, `output_path` and `new_output` turn a word into a path and raise InputError where it cannot be
+written. They are the `type` of every -o argument, and nodes call them when a job names a directory.
 """
 
 from __future__ import annotations
@@ -43,6 +43,12 @@ def output_file(word: str | Path) -> Path:
             raise OSError(0, "is a directory" if path.is_dir() else "is no ordinary file")
         _try(path.absolute().parent)
     return path
+
+
+def output_path(word: str | Path) -> Path:
+    """A directory or a file, as one or the other of the above."""
+    path = Path(word)
+    return output_directory(word) if path.is_dir() else output_file(word)
 
 
 def new_output(word: str | Path) -> Path:

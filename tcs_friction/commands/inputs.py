@@ -12,6 +12,7 @@ from tcs_friction.writable import output_directory
 
 SIMULATED, MUJOCO = "simulated", "mujoco"
 MOUNT = "mount_two_axis.xml"
+EACH = "all: each of them, in a folder of its own, and one page over all"
 
 
 def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_required: bool = True) -> None:
@@ -21,13 +22,14 @@ def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_r
     parser.add_argument("-o", "--output", required=True, type=output_directory, metavar="DIR", help="where the results go")
 
 
-def add_reading(parser: argparse.ArgumentParser, joint: bool = True) -> None:
-    """--column, --joint and --strict: what recordings, bags and tables alike, do not say themselves."""
+def add_reading(parser: argparse.ArgumentParser, joint: bool = True, every: bool = False) -> None:
+    """--column, --joint and --strict: what recordings, bags and tables alike, do not say themselves. every: --joint all."""
     add = parser.add_argument
     which = "of a table: which column, by name or number from 1, is time, position, torque, velocity, temperature or reference"
     add("--column", action="append", default=[], metavar="SIGNAL=COLUMN[:UNIT]", help=which)
     if joint:
-        add("--joint", type=name_word, default="", metavar="NAME", help="which joint of the recording, by name or number from 0")
+        which = "which joint of the recording, by name or by number from 0 on"
+        add("--joint", type=name_word, default="", metavar="NAME", help=which + (f"; {EACH}" if every else ""))
     add("--strict", action="store_true", help="refuse a recording in which something would have to be mended")
 
 

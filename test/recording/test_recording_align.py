@@ -99,7 +99,7 @@ def test_samples_that_are_not_finite_are_cut_out_as_gaps() -> None:
     recording = align({"/state": state({POSITION: T, BESIDE: torque})}, SignalMap(POSITION, BESIDE), "bag")
     assert len(recording) == 997
     assert recording.segments == (slice(0, 500), slice(500, 997))
-    assert "torque: 3 of 1000 samples missing or not finite, cut as gaps" in recording.notes
+    assert "mended: torque: 3 of 1000 samples missing or not finite, cut as gaps" in recording.notes
 
 
 def test_a_velocity_of_nothing_but_nan_is_no_velocity() -> None:

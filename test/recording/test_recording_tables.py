@@ -73,7 +73,7 @@ def test_a_spreadsheet_in_other_units_and_commas(tmp_path: Path) -> None:
     assert back.velocity is not None
     assert np.allclose(back.velocity, 2 * np.pi)
     assert back.exogenous["room"].tolist() == [20.0, 21.0, 23.0]
-    assert "position: 1 of 4 samples missing or not finite, cut as gaps" in back.notes
+    assert "mended: position: 1 of 4 samples missing or not finite, cut as gaps" in back.notes
     assert imported.signals.torque.joint == "pendulum"
 
 
