@@ -13,14 +13,12 @@ import pytest
 from tcs_friction.cli import main
 from tcs_friction.commands.joints import Done, folders, for_each
 from tcs_friction.config import AxisFile, load_axis, save_axis
-from tcs_friction.errors import InputError, JobError
+from tcs_friction.errors import JobError
 from tcs_friction.identify import first_axis
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance
-from tcs_friction.recording.bags import joints_in, read_recordings
-from tcs_friction.recording.choice import Choice
-from tcs_friction.recording.encode import encoded, joint_states
+from tcs_friction.recording.encode import joint_states
 from tcs_friction.recording.recording import Column
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.write import EPOCH, write_bag
@@ -161,25 +159,6 @@ def test_a_joint_that_is_none_is_one_line(
     told = capsys.readouterr().err
     assert len(told.splitlines()) == 1
     assert expected in told
-
-
-def test_elements_of_arrays_without_names_are_joints_by_number(tmp_path: Path) -> None:
-    found = columns(2.0)
-    message = {f"data[{place}]": one["position"] for place, one in enumerate(found.values())}
-    efforts = {f"data[{place}]": one["effort"] for place, one in enumerate(found.values())}
-    topics = {"/position": message, "/effort": efforts}
-    arrays = [encoded(topic, "std_msgs/msg/Float64MultiArray", times(200), one) for topic, one in topics.items()]
-    write_bag(tmp_path / "bag", arrays)
-    signals = SignalMap(SignalSource("/position", "data[0]"), SignalSource("/effort", "data[0]"))
-    assert joints_in(tmp_path / "bag", signals) == ("0", "1", "2", "3")
-    (one,) = read_recordings([tmp_path / "bag"], signals, Choice(joint="2"))
-    assert np.array_equal(one.position, found["wrist"]["position"])
-    assert np.array_equal(one.torque, found["wrist"]["effort"])
-    for joint in ("4", "wrist"):
-        with pytest.raises(InputError, match=r"--joint: no joint '\w+', expected "):
-            read_recordings([tmp_path / "bag"], signals, Choice(joint=joint))
-    with pytest.raises(InputError, match="names no joints"):
-        joints_in(tmp_path / "bag", SignalMap(SignalSource("/position", "layout.data_offset"), signals.torque))
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_an_optional_signal_that_is_mostly_missing_does_not_cost_the_recording()
     recording = align(columns, SignalMap(POSITION, BESIDE, exogenous={"wind": WIND}), "bag")
     assert len(recording) == 1000
     assert "wind" not in recording.exogenous
-    assert any(note.startswith("wind: 690 of 1000 samples missing") for note in recording.notes)
+    assert any(note.startswith("mended: wind: 690 of 1000 samples missing") for note in recording.notes)
     columns["/wind"] = topic(WIND, T[:700], T[:700])
     recording = align(columns, SignalMap(POSITION, BESIDE, exogenous={"wind": WIND}), "bag")
     assert len(recording) == len(recording.exogenous["wind"]) == 710
