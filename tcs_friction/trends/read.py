@@ -17,6 +17,8 @@ NO_AXIS = "_none"
 TEXTS = ("recording", "input_hash", "version", "status", "reason", "law", "verdict", "effects")
 LISTS = ("parameter_names", "parameter_values", "parameter_stds", "parameter_determined", "parameter_units")
 NEEDED = (*TEXTS, *LISTS, "piece", "start", *SURROUNDINGS, *PROGRAMME)
+MOST = 1e19
+"""Of any number: more than all ns since 1970 that 64 bits hold."""
 _KEYS = pyarrow.schema([("axis", pyarrow.string()), ("month", pyarrow.string())])
 
 
@@ -56,8 +58,13 @@ def _rows_in(part: Any) -> list[dict[str, Any]]:
 
 
 def _plain(row: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """A row with NaN for numbers that are not there, and effects as records."""
+    """A row with NaN for numbers that are not there, and effects as records. Raises InputError for values of another kind."""
     content = dict(row)
+    for name in row:
+        if not _fits(name, row[name]):
+            raise InputError(where, f"{name} is {str(row[name])[:40]!r}", "rows that ./tcs fleet wrote")
+    if len({len(row[name] or []) for name in LISTS}) > 1:
+        raise InputError(where, f"parameters of {row['recording']} of different number", "one value, std and unit of each")
     for name in (*SURROUNDINGS, *PROGRAMME):
         content[name] = float("nan") if row[name] is None else row[name]
     for name in LISTS:
@@ -69,6 +76,16 @@ def _plain(row: Mapping[str, Any], where: str) -> dict[str, Any]:
         found = f"effects of {row['recording']} cannot be read ({error!r})"
         raise InputError(where, found, "JSON as in diagnosis.json") from None
     return content
+
+
+def _fits(name: str, value: Any) -> bool:
+    """Whether a value is of the kind that its column has."""
+    if value is None:
+        return True
+    if name in LISTS:
+        inner = {"parameter_names": str, "parameter_units": str}.get(name, int | float)
+        return isinstance(value, list) and all(one is None or isinstance(one, inner) for one in value)
+    return isinstance(value, str) if name in TEXTS else isinstance(value, int | float) and not abs(value) >= MOST
 
 
 def _effect(entry: Mapping[str, Any]) -> Effect:
