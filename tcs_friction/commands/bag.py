@@ -29,7 +29,7 @@ from tcs_friction.recording.info import bag_info, info_text
 from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.tables import export_table, import_table
-from tcs_friction.recording.write import write_recording
+from tcs_friction.recording.write import EPOCH, write_recording
 from tcs_friction.writable import new_output, output_file
 from tcs_friction.yaml_files import dump_yaml
 
@@ -103,7 +103,7 @@ def _import(arguments: argparse.Namespace) -> None:
     imported = import_table(arguments.file, choice.joint, choice.columns, signals, kind)
     if choice.strict:
         refuse_mended([imported.recording])
-    write_recording(arguments.output, imported.recording, imported.signals)
+    write_recording(arguments.output, imported.recording, imported.signals, imported.recording.start or EPOCH)
     block = imported.signals.to_mapping()
     result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}
     _tell(arguments, imported.recording.notes, result | {"signals": block})

@@ -19,7 +19,7 @@ from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.parser import positive
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.diagnose.parallel import cores
-from tcs_friction.errors import InputError, JobError, printable
+from tcs_friction.errors import InputError, JobError, one_line
 from tcs_friction.recording.bags import chosen_signals, joints_in
 from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.signals import SignalMap
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
     with store.alone():
         summary = _run(arguments, found, plan, store)
     for note in store.notes:
-        print(f"tcs-friction: {printable(note)}", file=sys.stderr)
+        print(f"tcs-friction: {one_line(note)}", file=sys.stderr)
     content = {
         "recordings": summary.recordings, "pieces": summary.before + summary.now, "done_before": summary.before,
         "done_now": summary.now, "failed": summary.failed, "seconds": summary.seconds, "output": arguments.output,
@@ -127,7 +127,7 @@ def _told(summary: Summary, output: str) -> str:
     pieces = summary.before + summary.now
     cut = f" in {pieces} pieces" if pieces != summary.recordings else ""
     lines = [f"{summary.recordings} recordings{cut}: {summary.now} done now, {summary.before} before, {summary.failed} failed"]
-    lines += [f"  {printable(reason)}" for reason in summary.reasons[:MOST_TOLD]]
+    lines += [f"  {one_line(reason)}" for reason in summary.reasons[:MOST_TOLD]]
     if (more := len(summary.reasons) - MOST_TOLD) > 0:
         lines.append(f"  and {more} more")
     lines.append(output)
