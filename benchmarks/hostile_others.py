@@ -120,7 +120,7 @@ def reading_request(path: Path) -> list[Callable[[], object]]:
 def _answers(port: int) -> bool:
     with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=5.0) as one:
         one.sendall(b"GET / HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")
-        return one.recv(15).endswith(b"200")
+        return one.recv(12) == b"HTTP/1.1 200"
     return False
 
 
