@@ -133,7 +133,12 @@ def logged(t: Array, values: Array) -> LoggedTorque:
 
 
 def stale_stride(values: Array) -> int:
-    """Of how many samples each value is repeated, because whoever logs is quicker than the torque is renewed; 1: none is."""
+    """Of how many samples each value is repeated, because whoever logs is quicker than the torque is renewed; 1: none is.
+
+    It asks another question than `recording.freshness.fresh_samples`, which tells a mean period, also of values that are renewed
+    every 4.17 samples: which of the samples are new. That is known only where the stride is a whole number, and
+    a line through wrong samples would be a wrong torque, so that anything less certain counts as new.
+    """
     changes = np.flatnonzero(np.diff(values) != 0.0)
     if len(changes) < FEWEST_CHANGES:
         return 1
