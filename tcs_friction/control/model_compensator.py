@@ -226,21 +226,21 @@ class ModelCompensator:
         """What is cancelled, by name."""
         chosen = [item for item in model.terms if item is model.friction or self._cancels(item)]
         self._terms = [item for item in chosen if not item.term.alignment]
-        self._delays = [item for item in chosen if item.term.alignment]
-        acting = [
+        self.delays = [item for item in chosen if item.term.alignment]
+        self.acting = [
             replace(item, term=replace(item.term, kernel=item.term.inverse)) if item.term.inverse is not None else item
             for item in self._terms
         ]
-        self.machine = build(model, dt, signals=tuple(signals), terms=acting)
+        self.machine = build(model, dt, signals=tuple(signals), terms=self.acting)
         self._at_rest = self.machine.motion.copy()
         self._missing: frozenset[str] = frozenset()
         lead = model.actuation_delay + 0.5 * dt
-        delays = np.array([item.values[item.term.alignment] for item in self._delays])
+        delays = np.array([item.values[item.term.alignment] for item in self.delays])
         ahead = lead + float(delays.sum())
         if ahead > LONGEST_LEAD:
             expected = f"at most {1e3 * LONGEST_LEAD:g} ms, for which a reference is foretold"
             raise InputError(f"model {model.name}", f"it has to act {1e3 * ahead:.3g} ms ahead", expected)
-        count = len(self._terms) + len(self._delays)
+        count = len(self._terms) + len(self.delays)
         constants = np.zeros(8)
         constants[[_DT, _LEAD, _ARREST]] = dt, lead, arrest_per_speed(self.machine, AT_REST)
         shares, wanted, limits, parts = np.zeros((4, count))
@@ -291,7 +291,7 @@ class ModelCompensator:
 
     @property
     def _all(self) -> list[Instance]:
-        return [*self._terms, *self._delays]
+        return [*self._terms, *self.delays]
 
     @property
     def needs(self) -> Mapping[str, tuple[str, ...]]:
