@@ -92,7 +92,7 @@ def fitted(axis: Axis, fastest: float, powers: int, known: Axis | None = None) -
 
 @dataclass(frozen=True)
 class Spring:
-    """A torque over the position as a spring: stiffness of x, x|x| and x^3 about `neutral`; off: rms of what is left over that of all."""
+    """A torque over the position as a spring: stiffness of x, x^2 and x^3 about `neutral`; off: rms of what is left over that of all."""
 
     stiffness: tuple[float, ...]
     neutral: float
@@ -107,7 +107,7 @@ def spring(axis: Axis, items: tuple[Instance, ...], travel: tuple[float, float],
     own = [item.values[item.term.neutral] for item in items if item.term.neutral]
     neutral = own[0] if len(own) == len(items) == 1 else float(-at_zero / slope) if slope else 0.0
     x = places - neutral
-    columns = np.column_stack([x * np.abs(x) ** power for power in range(powers)])
+    columns = np.column_stack([x**power for power in range(1, powers + 1)])
     found = np.linalg.lstsq(columns, torque, rcond=None)[0]
     left = np.sqrt(np.mean((torque - columns @ found) ** 2) / max(np.mean(torque**2), 1e-300))
     return Spring(tuple(map(float, found)), float(neutral), float(left))

@@ -129,6 +129,10 @@ class Document:
         tail = "" if self._data[at : element.close].find(b"\n") >= 0 else f"\n{indent}"
         self._edit(at, at, added + tail)
 
+    def replace(self, element: Element, text: str) -> None:
+        """Another element in its place."""
+        self._edit(element.start, element.end, text)
+
     def remove(self, element: Element) -> None:
         """Takes an element away, and its line with it if nothing else stands there."""
         start, end = element.start, element.end

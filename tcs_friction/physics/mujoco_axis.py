@@ -91,6 +91,11 @@ class MujocoSimulator(Simulator):
         self._mujoco.mj_fullM(self._model, self._data, full)
         return float(full[self._dof, self._dof])
 
+    @property
+    def armature(self) -> float:
+        """The part of it that the model adds to the joint for a rotor, kg m^2."""
+        return float(self._model.dof_armature[self._dof])
+
     def other_positions(self) -> tuple[float, ...]:
         """True positions of `other_joints`, rad or m."""
         return tuple(self._qpos[self._places].tolist())
