@@ -31,10 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--to", required=True, metavar="FORMAT", help="; ".join(f"{one.name}: {one.makes}" for one in FORMATS.values()))
     add("-o", "--output", required=True, type=output_file, metavar="FILE", help="where it goes")
     add("--into", type=Path, metavar="MODEL", help="your own model, whose joint becomes the axis (mjcf, urdf, sdf)")
-    add("--joint", type=name_word, default="", metavar="NAME", help="of the joint (default: the one recorded, else the axis' name)")
+    add("--joint", type=name_word, default="", metavar="NAME", help="default: the one recorded, else the axis' name")
     add("--kind", default="", help="which table or FMU (default: the first)")
-    add("--speed", type=number, default=1.0, metavar="V", help="fastest speed, rad/s or m/s, for which friction is fitted (default: 1)")
-    add("--travel", type=span, metavar="FROM:TO", help="positions, rad or m, for which torque is fitted (default: a turn, or 1 m)")
+    add("--speed", type=number, default=1.0, metavar="V", help="friction is fitted up to this speed (default: 1 rad/s or m/s)")
+    add("--travel", type=span, metavar="FROM:TO", help="torque is fitted in between (default: a turn, or 1 m)")
     add("--temperatures", type=numbers, default=(20.0,), metavar="T,T,...", help="degC, of a table of friction (default: 20)")
     add("--period", type=number, metavar="S", help="control period of code and tables (default: the axis file's, else 1 ms)")
     add("--share", type=share, default=1.0, help="part of the torque that is compensated (default: 1)")
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
     file = load_axis(arguments.axis)
     chosen = format_named(arguments.to)
     exported = chosen.export(_request(arguments, file))
-    never_over_an_input(exported.files, [arguments.axis])
+    never_over_an_input(exported.files, [arguments.axis, arguments.into])
     if arguments.dry_run:
         print("".join(_difference(arguments.into, exported)), end="")
     else:
@@ -123,5 +123,3 @@ def span(word: str) -> tuple[float, float]:
     if len(ends) != 2 or not ends[0] < ends[1]:
         raise argparse.ArgumentTypeError(f"{word!r} is no range FROM:TO")
     return ends[0], ends[1]
-
-

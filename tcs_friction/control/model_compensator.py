@@ -8,8 +8,8 @@ The terms are evaluated along the reference motion where it will be when the com
     compensation = command - J a_ref                       since the controller adds the inertia's part itself
 
 Each effect has a share from 0 to 1, which follows its switch over a stated time, so that torque never appears in a step, and
-a limit. Friction of the law itself always has share 1. Sensor terms are left to `position_correction`. What is commanded of the sum
-is a share again, which follows its setting as the effects' do; friction has a rest band (`compensator.rested`).
+a limit. Friction of the law itself always has share 1. Sensor terms are left to `position_correction`. Of the sum a share is
+commanded, which follows its setting as the effects' do; friction has a rest band (`compensator.rested`).
 """
 
 from __future__ import annotations

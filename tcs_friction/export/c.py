@@ -8,9 +8,10 @@ import numpy as np
 
 from tcs_friction.control.model_compensator import obstacles
 from tcs_friction.export import cpp
-from tcs_friction.export.code import AxisCode, identifier
+from tcs_friction.export.code import AxisCode, identifier, plain
 from tcs_friction.export.request import Exported, Request
 from tcs_friction.export.vectors import vectors
+from tcs_friction.physics.axis import Sensors
 from tcs_friction.physics.terms import Place
 
 
@@ -26,29 +27,34 @@ def export(request: Request) -> Exported:
         folder / f"{name}.hpp": cpp.header(code),
         folder / f"{name}_controller.cpp": cpp.controller(code, request.joint),
     }
-    return Exported(files, list(said(request, code)))
+    return Exported(files, [*said(request), *said_of_compensator(request)])
 
 
-def said(request: Request, code: AxisCode) -> Iterable[str]:
-    """What the code has, and of each effect what it has not."""
+def said(request: Request) -> Iterable[str]:
+    """What friction and axis in motion have, and of each effect what they have not."""
     yield f"friction law and every effect as in the axis file, for a period of {request.period:g} s (--period)"
+    for item in request.axis.effects:
+        if item.signals or item.thermal:
+            needed = [*(["temperature"] if item.thermal else []), *item.signals]
+            yield f"{item.words}: wants {' and '.join(needed)} at every step"
+    if request.axis.drive.noise or request.axis.sensors != Sensors():
+        yield "noise and resolution of drive and encoder: left out of the axis in motion"
+
+
+def said_of_compensator(request: Request) -> Iterable[str]:
+    """The same of the compensator, and of single precision."""
     for name, why in obstacles(request.axis).items():
         yield f"{name}: not in the compensator ({why}); in friction and motion as in the axis file"
     for item in request.axis.effects:
         if item.term.place is Place.SENSOR:
             yield f"{item.words}: not in the compensator, it is the encoder's; in the measured position of the axis in motion"
-        if item.signals or item.thermal:
-            needed = [*(["temperature"] if item.thermal else []), *item.signals]
-            yield f"{item.words}: wants {' and '.join(needed)} at every step"
-    if request.axis.drive.noise or request.axis.sensors != type(request.axis.sensors)():
-        yield "noise and resolution of drive and encoder: left out of the axis in motion"
-    yield "float: positions within a few turns, since cogging of order 100 loses a digit in ten turns; double: anywhere; the axis in motion is for double"
+    yield "float: positions within a few turns, for cogging of order 100 loses a digit in ten; the axis in motion is for double"
 
 
 def heading(code: AxisCode) -> str:
     axis = code.axis
-    effects = ", ".join(item.words for item in axis.effects) or "no effects"
-    return f"{axis.name}: {axis.friction.term.words}, {effects}. Made by tcs-friction."
+    effects = ", ".join(plain(item.words) for item in axis.effects) or "no effects"
+    return f"{plain(axis.name)}: {axis.friction.term.words}, {effects}. Made by tcs-friction."
 
 
 def header(code: AxisCode) -> str:
@@ -104,8 +110,9 @@ def check(code: AxisCode, speed: float, count: int = 400) -> str:
     passed = ", signals" if signals else ""
     copied = f"""
         {name}_real signals[{2 * len(signals)}];
-        for (j = 0; j < {2 * len(signals)}; j++) {{ signals[j] = ({name}_real)VECTORS[k][6 + j]; }}""" if signals else ""  # fmt: skip
-    return f"""/* Checks {name}.c against the kernels that it was made from: a random motion up to {speed:g} {code.axis.unit("rad/s")}.
+        for (j = 0; j < {2 * len(signals)}; j++) {{ signals[j] = ({name}_real)VECTORS[k][6 + j]; }}"""
+    copied = copied if signals else ""
+    return f"""/* Checks {name}.c against the kernels it was made from: a random motion up to {speed:g} {code.axis.unit("rad/s")}.
    cc -std=c99 {name}.c {name}_test.c -lm && ./a.out
    Columns: t, position, speed, acceleration, torque, temperature{", signals" if signals else ""}; friction, compensation;
    position, speed and friction under that torque. */
@@ -151,7 +158,8 @@ int main(void)
     {name}_axis_start(&axis, ({name}_real)VECTORS[0][1]);
     for (k = 0; k < ROWS; k++) {{
         const double *row = VECTORS[k];
-        const {name}_real t = ({name}_real)row[0], q = ({name}_real)row[1], v = ({name}_real)row[2], a = ({name}_real)row[3];
+        const {name}_real t = ({name}_real)row[0], q = ({name}_real)row[1];
+        const {name}_real v = ({name}_real)row[2], a = ({name}_real)row[3];
         const {name}_real torque = ({name}_real)row[4], temperature = ({name}_real)row[5];
         double found[5];{copied}
         found[0] = (double){name}_friction_step(&friction, t, q, v, a, torque, temperature{passed});

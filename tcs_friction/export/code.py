@@ -13,9 +13,18 @@ from dataclasses import dataclass, field, replace
 from tcs_friction.control.model_compensator import AT_REST, CancellationConfig, ModelCompensator, signals_of
 from tcs_friction.export.translate import SLOTS, Library, number
 from tcs_friction.physics.axis import Axis, Sensors
-from tcs_friction.physics.machine import MASS, PHASE_PER_UNIT, STEP, SUBSTEPS, TORQUE_LIMIT, Machine, arrest_per_speed, build
-from tcs_friction.physics.simulate import substeps_for
+from tcs_friction.physics.machine import (
+    MASS,
+    PHASE_PER_UNIT,
+    STEP,
+    SUBSTEPS,
+    TORQUE_LIMIT,
+    Machine,
+    arrest_per_speed,
+    build,
+)
 from tcs_friction.physics.motion import EXOGENOUS, PER_SIGNAL
+from tcs_friction.physics.simulate import substeps_for
 from tcs_friction.physics.terms import Instance, Place
 
 RESISTING = (Place.SCALE, Place.LAW, Place.OPPOSING, Place.BODY)
@@ -30,6 +39,15 @@ def identifier(text: str) -> str:
     """
     word = re.sub(r"\W+", "_", text.lower(), flags=re.ASCII).strip("_")
     return word if word and not word[0].isdigit() else f"axis_{word}".rstrip("_")
+
+
+def plain(text: str) -> str:
+    """A name from elsewhere as a comment or a text in code can hold it.
+
+    >>> plain("azimuth */ (left)")
+    'azimuth __ (left)'
+    """
+    return re.sub(r"[^\w .:/()+-]|/(?=\*)|(?<=\*)/|\*", "_", text, flags=re.ASCII)
 
 
 @dataclass
@@ -184,7 +202,8 @@ class AxisCode:
     def scaling(self, k: int) -> list[str]:
         return [
             "{",
-            "    const real extra = motion[SLOT_EXTRA_LEVEL], dry = motion[SLOT_DRY_SCALE], viscous = motion[SLOT_VISCOUS_SCALE];",
+            "    const real extra = motion[SLOT_EXTRA_LEVEL], dry = motion[SLOT_DRY_SCALE];",
+            "    const real viscous = motion[SLOT_VISCOUS_SCALE];",
             "    real part, share, torque;",
             f"    (void){self.cancelled.call(k)};",
             "    torque = MATH(fabs)((motion[SLOT_EXTRA_LEVEL] - extra) + ((motion[SLOT_DRY_SCALE] - dry) * motion[SLOT_LEVEL])",
@@ -296,7 +315,7 @@ class AxisCode:
         slots = EXOGENOUS + PER_SIGNAL * len(self.signals)
         count = max(len(self.compensator.plan.shares), 1)
         terms = [*self.compensator.acting, *self.compensator.delays]
-        which = "; ".join(f"{k} {item.words}" for k, item in enumerate(terms))
+        which = "; ".join(f"{k} {plain(item.words)}" for k, item in enumerate(terms))
         axis_unit = self.axis.unit
         return f"""/* Friction and effects along a motion. */
 typedef struct {{
@@ -348,16 +367,20 @@ typedef struct {{
         moved = [*self.start(self.moved, position=True), *(f"self->{word} = position;" for word in ("position", "measured",
                  "last_middle")), *(f"self->{word} = {number(0.0)};" for word in ("velocity", "acceleration", "friction",
                  "others", "measured_velocity", "clock"))]  # fmt: skip
-        signals = ", ".join(f"{name} and its rate" for name in self.signals)
+        signals = ", ".join(f"{plain(name)} and its rate" for name in self.signals)
         around = f"temperature in degC{f'; signals: {signals}' if signals else ''}"
         return {
             f"void {n}_friction_start({friction})": ("void", [*self.start(self.friction), "self->begun = 0;"], "At rest."),
             f"real {n}_friction_step({friction}, {INPUTS}, real torque, {self.given})": (
                 "real",
                 self.step_friction(),
-                f"Opposing torque ({torque}) of friction and effects at the next instant of a motion; torque: the drive's; {around}.",
+                f"Opposing torque ({torque}) of friction and effects at the next instant; torque: the drive's; {around}.",
             ),
-            f"void {n}_compensator_start({compensator})": ("void", self.start_compensator(), "At rest, with the settings exported."),
+            f"void {n}_compensator_start({compensator})": (
+                "void",
+                self.start_compensator(),
+                "At rest, with the settings exported.",
+            ),
             f"real {n}_compensator_step({compensator}, {INPUTS}, {self.given})": (
                 "real",
                 self.step_compensator(),
@@ -374,7 +397,8 @@ typedef struct {{
     def body(self) -> str:
         """Everything behind the declarations: helpers, kernels, tables, functions."""
         functions = [
-            f"{head}\n{{\n" + "\n".join(f"    {line}" for line in lines) + "\n}" for head, (_, lines, _) in self.declared().items()
+            f"{head}\n{{\n" + "\n".join(f"    {line}" for line in lines) + "\n}"
+            for head, (_, lines, _) in self.declared().items()
         ]
         slots = "\n".join(f"    SLOT_{name} = {value}," for name, value in sorted(SLOTS.items(), key=lambda pair: pair[1])
                           if name not in ("PER_SIGNAL", "SLOTS"))  # fmt: skip

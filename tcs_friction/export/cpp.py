@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from tcs_friction.export.code import AxisCode
+from tcs_friction.export.code import AxisCode, plain
 
 
 def header(code: AxisCode) -> str:
@@ -15,7 +15,7 @@ def header(code: AxisCode) -> str:
     inside = "\n".join(f"    {line}" if line else "" for line in text.splitlines())
     name, signals = code.name, ", const real *signals" if code.signals else ""
     passed = ", signals" if code.signals else ""
-    return f"""// {code.axis.name}: friction and its compensation, for periods of {code.period:g} s. Made by tcs-friction.
+    return f"""// {plain(code.axis.name)}: friction and its compensation, for periods of {code.period:g} s. Made by tcs-friction.
 #pragma once
 
 #include <cmath>
@@ -63,10 +63,10 @@ public:
 
 def controller(code: AxisCode, joint: str) -> str:
     """The example: it takes a reference motion and an effort, and hands on that effort with the compensation added."""
-    name = code.name
-    signals = f"\n    real_t signals[{2 * len(code.signals)}] = {{}};  // {', '.join(code.signals)}: fill them in" if code.signals else ""
+    name, joint, named = code.name, plain(joint), plain(", ".join(code.signals))
+    signals = f"\n    real_t signals[{2 * len(code.signals)}] = {{}};  // {named}: fill them in" if named else ""
     passed = ", 20.0, signals" if code.signals else ""
-    return f"""// Chainable controller of ros2_control (Jazzy): effort + friction compensation of joint {joint}. Made by tcs-friction.
+    return f"""// Chainable controller of ros2_control (Jazzy): effort + compensation of joint {joint}. Made by tcs-friction.
 // A controller before it writes the reference interfaces position, velocity, acceleration and effort.
 #include <string>
 #include <vector>

@@ -71,7 +71,7 @@ class Fitted:
 def fitted(axis: Axis, fastest: float, powers: int, known: Axis | None = None) -> Fitted:
     """The numbers that say an axis' steady friction best in least squares.
 
-    powers: how many of v, v|v|, v^3 the simulator has. known: an axis whose dry friction it has already; None: it has a constant one.
+    powers: how many of v, v|v|, v^3 the simulator has. known: an axis whose dry friction it has already; None: a constant one.
     """
     axis = replace(axis, effects=over_speed(axis), actuation_delay=0.0)
     speeds = np.linspace(fastest / SPEEDS, fastest, SPEEDS)
@@ -92,7 +92,7 @@ def fitted(axis: Axis, fastest: float, powers: int, known: Axis | None = None) -
 
 @dataclass(frozen=True)
 class Spring:
-    """A torque over the position as a spring: stiffness of x, x^2 and x^3 about `neutral`; off: rms of what is left over that of all."""
+    """A torque over the position as a spring: stiffness of x, x^2, x^3 about `neutral`; off: rms left over that of all."""
 
     stiffness: tuple[float, ...]
     neutral: float

@@ -14,7 +14,7 @@ from tcs_friction.export.xml_edit import Document, Element
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a format has it. inside: the tags between joint and <dynamics>. spring: whether numbers are tags, and there is a spring."""
+    """Where a format has it. inside: tags between joint and <dynamics>. spring: whether there is one; numbers are tags then."""
 
     root: str
     kinds: Mapping[str, str]
@@ -40,7 +40,9 @@ def export_into(request: Request, target: str, layout: Layout) -> Exported:
         done = {item.identity for item in springs}
     before = _write(document, holder, {name: f"{value:.9g}" for name, value in values.items()}, layout.spring)
     unit = request.axis.unit("kg m^2")
-    lines.append(f"inertia of {request.axis.inertia:.4g} {unit}: not expressed, {target} has no rotor inertia; links stay as they are")
+    lines.append(
+        f"inertia of {request.axis.inertia:.4g} {unit}: not expressed, {target} has no rotor inertia; links stay as they are"
+    )
     lines += left_out(request.axis, done, "if it is gravity, the model has its own")
     return Exported({request.output: document.changed()}, [*(["was there: " + ", ".join(before)] if before else []), *lines])
 

@@ -50,8 +50,8 @@ def export(request: Request) -> Exported:
     if binary is not None:
         entries[f"binaries/{_place(number)}/{name}{_suffix()}"] = binary
     shown = ", ".join(variable.name for variable in block.variables)
-    lines = [line, f"FMI {number}.0 co-simulation of the {kind} in periods of {request.period:g} s; an importer's step is a multiple of them",
-             f"variables: {shown}", *(one for one in c.said(request, code) if "compensator" not in one and "float" not in one)]  # fmt: skip
+    steps = f"in periods of {request.period:g} s; an importer's step is a multiple of them"
+    lines = [line, f"FMI {number}.0 co-simulation of the {kind} {steps}", f"variables: {shown}", *c.said(request)]
     return Exported({request.output: _zipped(entries)}, lines)
 
 
@@ -95,7 +95,8 @@ def _zipped(entries: Mapping[str, bytes]) -> bytes:
 def _build(name: str, units: list[str]) -> str:
     files = "".join(f'<SourceFile name="{unit}"/>' for unit in units)
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="{name}">'
+        '<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">'
+        f'<BuildConfiguration modelIdentifier="{name}">'
         f'<SourceFileSet language="C99">{files}</SourceFileSet></BuildConfiguration></fmiBuildDescription>\n'
     )
 
@@ -104,7 +105,8 @@ def _description(code: AxisCode, block: Block, version: int, token: str, units: 
     variables = "\n".join(_variable(k, one, version) for k, one in enumerate(block.variables, 1))
     outputs = [k for k, one in enumerate(block.variables, 1) if one.causality == "output"]
     step = f'stepSize="{code.period!r}"'
-    head = f'modelName={quoteattr(f"{code.axis.name} {block.kind}")} description={quoteattr(c.heading(code))} generationTool="tcs-friction"'
+    named, described = quoteattr(f"{code.axis.name} {block.kind}"), quoteattr(c.heading(code))
+    head = f'modelName={named} description={described} generationTool="tcs-friction"'
     can = f'modelIdentifier="{code.name}" canHandleVariableCommunicationStepSize="true"'
     if version == 3:
         time = '    <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>\n'

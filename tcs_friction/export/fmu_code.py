@@ -1,5 +1,7 @@
 """The C file between an axis' code and an importer of FMUs: the functions of FMI 3.0 and 2.0 for co-simulation."""
 
+# ruff: noqa: E501 the declarations of the standard stand on one line each
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -34,7 +36,7 @@ def block_of(code: AxisCode, kind: str) -> Block:
     position, speed, torque = unit("rad"), unit("rad/s"), unit("N m")
     surroundings = [Variable("temperature", "input", "degC", 20.0)]
     for signal in code.signals:
-        surroundings += [Variable(identifier(signal), "input", "1"), Variable(f"{identifier(signal)}_rate", "input", "1/s")]
+        surroundings += [Variable(f"signal_{identifier(signal)}", "input", "1"), Variable(f"signal_{identifier(signal)}_rate", "input", "1/s")]
     places = {"axis": 2, "friction": 6}
     first = places[kind] + 1  # of the signals among the values
     passed = f", &self->values[{first}]" if code.signals else ""
@@ -61,7 +63,9 @@ def glue(code: AxisCode, block: Block, version: int, token: str) -> str:
     count = len(block.variables) + 1
     starts = ", ".join(repr(variable.start) for variable in block.variables)
     outputs = "\n".join(
-        f"    self->values[{k}] = {variable.value};" for k, variable in enumerate(block.variables, 1) if variable.causality == "output"
+        f"    self->values[{k}] = {variable.value};"
+        for k, variable in enumerate(block.variables, 1)
+        if variable.causality == "output"
     )
     writable = ", ".join("0" if v.causality == "output" else "1" for v in block.variables)
     return COMMON.format(
@@ -72,7 +76,10 @@ def glue(code: AxisCode, block: Block, version: int, token: str) -> str:
 
 def _absent(version: int) -> str:
     """The rest of the standard's functions, which some importers look for: each returns an error, or no instance."""
-    errors = [f"FMI_EXPORT int fmi{version}{name}(void) {{ return FMI_ERROR; }}" for name in (ABSENT3 if version == 3 else ABSENT2)]
+    errors = [
+        f"FMI_EXPORT int fmi{version}{name}(void) {{ return FMI_ERROR; }}"
+        for name in (ABSENT3 if version == 3 else ABSENT2).split()
+    ]
     none = ("ModelExchange", "ScheduledExecution") if version == 3 else ()
     return "\n".join(["", *errors, *(f"FMI_EXPORT void *fmi3Instantiate{name}(void) {{ return NULL; }}" for name in none), ""])
 
@@ -85,13 +92,13 @@ GetIntervalFraction GetNominalsOfContinuousStates GetNumberOfContinuousStates Ge
 GetNumberOfVariableDependencies GetOutputDerivatives GetShiftDecimal GetShiftFraction GetVariableDependencies
 SerializeFMUState SerializedFMUStateSize SetBinary SetClock SetContinuousStates SetIntervalDecimal SetIntervalFraction
 SetShiftDecimal SetShiftFraction SetTime UpdateDiscreteStates
-""".split()
+"""
 ABSENT2 = """
 CompletedIntegratorStep DeSerializeFMUstate EnterContinuousTimeMode EnterEventMode GetBooleanStatus GetContinuousStates
 GetDerivatives GetDirectionalDerivative GetEventIndicators GetIntegerStatus GetNominalsOfContinuousStates
 GetRealOutputDerivatives GetRealStatus GetStatus GetStringStatus NewDiscreteStates SerializeFMUstate
 SerializedFMUstateSize SetContinuousStates SetRealInputDerivatives SetTime
-""".split()
+"""
 
 COMMON = """#include "{name}.h"
 

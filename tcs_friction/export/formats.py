@@ -39,7 +39,11 @@ FORMATS = {
         Format("sdf", "an SDF (Gazebo) with the joint's <dynamics>", changes=True),
         Format("table", "tables for drives", kinds=("friction", "torque", "beckhoff", "odrive", "cia402", "linuxcnc")),
         Format("modelica", "a Modelica block around the C code"),
-        Format("fmu", "an FMU for co-simulation, with its C code compiled", kinds=("fmi3-axis", "fmi3-friction", "fmi2-axis", "fmi2-friction")),
+        Format(
+            "fmu",
+            "an FMU for co-simulation, with its C code compiled",
+            kinds=("fmi3-axis", "fmi3-friction", "fmi2-axis", "fmi2-friction"),
+        ),
     )
 }
 

@@ -1,4 +1,4 @@
-"""MJCF: into the user's own model. Joint damping, dry friction, armature and spring; bristles and cogging as motors without an input.
+"""MJCF: into the user's own model. Joint damping, dry friction, armature, spring; bristles and cogging as motors without input.
 
 MuJoCo's `dcmotor` with input none is nothing but its friction (LuGre) and its cogging; where the installed MuJoCo has none, or no
 MuJoCo is installed, the joint has Coulomb and viscous friction.
@@ -10,9 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+from xml.sax.saxutils import escape
 
 from tcs_friction.errors import InputError, TcsError, nearest
-from tcs_friction.export.curve import Fitted, fitted, spring
+from tcs_friction.export.curve import fitted, spring
 from tcs_friction.export.request import Exported, Request
 from tcs_friction.export.telling import bristles, how_well, in_newton_metres, left_out, periodic_over_position
 from tcs_friction.export.xml_edit import Document, Element
@@ -48,7 +49,9 @@ def export(request: Request) -> Exported:
     if "springref" in values and request.axis.kind == "rotary" and not _radian(document):
         values["springref"] = f"{math.degrees(float(values['springref'])):.9g}"
     for name in FRICTION:
-        if name not in values and (name in before or (name != "armature" and name != "springref" and _by_default(document, name))):
+        if name not in values and (
+            name in before or (name != "armature" and name != "springref" and _by_default(document, name))
+        ):
             values[name] = "0" if name != "armature" else before.get(name, "0")
     document.set(joint, **values)
     _act(document, request.joint, plan.actuators)
@@ -56,7 +59,7 @@ def export(request: Request) -> Exported:
 
 
 def _act(document: Document, joint: str, wanted: list[str]) -> None:
-    """Actuators take the place of the joint's old ones of their kind; what is left of these goes, what is new stands behind all."""
+    """Actuators take the place of the joint's old ones of their kind; what is left of these goes, what is new stands last."""
     old, new = frictional(document, joint), []
     for line in wanted:
         kind = next(name for name in KEYS if f" {name}=" in line)
@@ -85,7 +88,7 @@ class _Plan:
 
 
 def _plan(request: Request, modern: bool) -> _Plan:
-    axis, powers = request.axis, POWERS if modern else 1
+    axis, powers, own = request.axis, POWERS if modern else 1, escape(request.joint, {'"': "&quot;"})
     bristle = as_bristle(axis.friction) if modern else None
     known = None if bristle is None else replace(axis, friction=bristle, effects=())
     if known is not None:
@@ -94,7 +97,7 @@ def _plan(request: Request, modern: bool) -> _Plan:
     joint, actuators, lines, done = {"damping": _numbers(fit.damping)}, [], [], set()
     if bristle is not None:
         values = " ".join(f"{bristle.values[name]:.9g}" for name in LUGRE)
-        actuators.append(f'<dcmotor name="{request.joint}_friction" joint="{request.joint}" {NO_INPUT} lugre="{values}"/>')
+        actuators.append(f'<dcmotor name="{own}_friction" joint="{own}" {NO_INPUT} lugre="{values}"/>')
         lines += [f"dry friction with its bristles as dcmotor {request.joint}_friction (LuGre)"]
         lines += how_well(fit, axis, "LuGre and damping")
     else:
@@ -102,9 +105,9 @@ def _plan(request: Request, modern: bool) -> _Plan:
         lines += [*how_well(fit, axis, "frictionloss and damping"), *bristles(axis)]
     if modern:
         for item, number, order, amplitude, phase in periodic_over_position(axis):
-            name = f"{request.joint}_{item.term.id}_{order:g}".replace(".", "_")
+            name = f"{own}_{item.term.id}_{order:g}".replace(".", "_")
             wave = f"{amplitude:.9g} {order:.9g} {phase - 0.5 * math.pi:.9g}"
-            actuators.append(f'<dcmotor name="{name}" joint="{request.joint}" {NO_INPUT} cogging="{wave}"/>')
+            actuators.append(f'<dcmotor name="{name}" joint="{own}" {NO_INPUT} cogging="{wave}"/>')
             lines.append(f"{item.words}, harmonic {number}: as dcmotor {name}, exactly")
             done.add(item.identity)
     springs = tuple(item for item in axis.effects if item.term.neutral)
@@ -118,7 +121,7 @@ def _plan(request: Request, modern: bool) -> _Plan:
     for item in axis.effects:
         if item.term.offset and item.term.place is Place.OPPOSING:
             push = f'gainprm="0" biastype="affine" biasprm="{-item.values[item.term.offset]:.9g} 0 0"'
-            actuators.append(f'<general name="{request.joint}_{item.term.id}" joint="{request.joint}" {push}/>')
+            actuators.append(f'<general name="{own}_{item.term.id}" joint="{own}" {push}/>')
             lines.append(f"{item.words}: as actuator {request.joint}_{item.term.id}, exactly")
             done.add(item.identity)
     lines += left_out(axis, done, "if it is gravity, the model has its own")
@@ -135,7 +138,7 @@ def _numbers(values: tuple[float, ...]) -> str:
 
 
 def as_bristle(friction: Instance) -> Instance | None:
-    """A law with bristles as the usual law with all features: values by their names, what it lacks at no effect. None: no bristles."""
+    """A law with bristles as the usual law with all features, what it lacks at no effect; None for one without."""
     if not friction.term.bristle(friction.values) > 0.0:
         return None
     whole, known = usual_law(frozenset(Feature)), dict(friction.values_of_law)
@@ -152,7 +155,9 @@ def _joint(document: Document, request: Request) -> Element:
     if request.joint not in named:
         included = ", ".join(one.attributes.get("file", "") for one in document.root.all("include"))
         hint = f"; it includes {included}, which may have it" if included else ""
-        raise InputError(document.where, f"no joint {request.joint}{hint}", f"{nearest(request.joint, filter(None, named))} (--joint)")
+        raise InputError(
+            document.where, f"no joint {request.joint}{hint}", f"{nearest(request.joint, filter(None, named))} (--joint)"
+        )
     joint = named[request.joint]
     kind = joint.attributes.get("type", "hinge")
     if KINDS.get(kind) != request.axis.kind:
@@ -164,7 +169,9 @@ def frictional(document: Document, joint: str) -> list[Element]:
     """The actuators of a joint that are nothing but its friction: motors without an input, and constant torques of an export."""
     holder = document.root.get("actuator")
     own = [one for one in (holder.children if holder else []) if one.attributes.get("joint") == joint]
-    constant = [one for one in own if one.attributes.get("name", "").startswith(f"{joint}_") and one.attributes.get("gainprm") == "0"]
+    constant = [
+        one for one in own if one.attributes.get("name", "").startswith(f"{joint}_") and one.attributes.get("gainprm") == "0"
+    ]
     return [one for one in own if one.tag == "dcmotor" and one.attributes.get("input") == "none"] + constant
 
 
@@ -175,13 +182,17 @@ def found_there(document: Document, joint: Element) -> list[str]:
     found = [f"joint {joint.attributes['name']} with {', '.join(own)}"] if own else []
     found += [f"a default for joints with {', '.join(defaults)}"] if defaults else []
     for one in frictional(document, joint.attributes["name"]):
-        words = [f"{name} {one.attributes[name]}" for name in ("lugre", "damping", "cogging", "biasprm") if name in one.attributes]
+        words = [
+            f"{name} {one.attributes[name]}" for name in ("lugre", "damping", "cogging", "biasprm") if name in one.attributes
+        ]
         found.append(f"{one.tag} {one.attributes.get('name', '')} with {', '.join(words)}")
     return found
 
 
 def _by_default(document: Document, name: str) -> bool:
-    return any(name in one.attributes for default in document.root.all("default") for one in default.children if one.tag == "joint")
+    return any(
+        name in one.attributes for default in document.root.all("default") for one in default.children if one.tag == "joint"
+    )
 
 
 def _radian(document: Document) -> bool:
@@ -209,11 +220,13 @@ def _armature(request: Request) -> tuple[dict[str, str], list[str]]:
     lacks = wanted - own + model.armature
     if lacks < 0.0:
         return {}, [f"inertia: the model has {own:.4g} {unit}, more than the {wanted:.4g} {unit} found; armature as it was"]
-    return {"armature": f"{lacks:.9g}"}, [f"inertia: {wanted:.4g} {unit} where the model had {own:.4g} {unit}, as armature {lacks:.4g}"]
+    return {"armature": f"{lacks:.9g}"}, [
+        f"inertia: {wanted:.4g} {unit} where the model had {own:.4g} {unit}, as armature {lacks:.4g}"
+    ]
 
 
 def read(text: str, where: str, joint: str) -> Mapping[str, tuple[float, ...]]:
-    """What a model says of a joint's friction: `damping`, `frictionloss`, `stiffness`, `springref`, `armature`, `lugre`, `cogging`."""
+    """What a model says of a joint's friction, by attribute: `damping`, `frictionloss`, `lugre`, `cogging` and so on."""
     document = Document(text, where, "mujoco")
     element = next(one for one in document.root.all("joint") if one.attributes.get("name") == joint)
     entries = {name: element.attributes[name] for name in FRICTION if name in element.attributes}
@@ -228,6 +241,8 @@ def read_axis(text: str, where: str, joint: str, axis: Axis) -> Axis:
     viscous = found.get("damping", (0.0,))[0]
     if "lugre" in found:
         law = usual_law(frozenset(Feature))
-        return replace(axis, friction=instance(law, dict(zip(LUGRE, found["lugre"], strict=True)) | {"viscous": viscous}), effects=())
+        return replace(
+            axis, friction=instance(law, dict(zip(LUGRE, found["lugre"], strict=True)) | {"viscous": viscous}), effects=()
+        )
     law = usual_law(frozenset({Feature.DRY, Feature.VISCOUS}))
     return replace(axis, friction=instance(law, {"coulomb": found["frictionloss"][0], "viscous": viscous}), effects=())

@@ -20,6 +20,7 @@ import numpy as np
 
 from tcs_friction.control.compensator import rested
 from tcs_friction.errors import InputError
+from tcs_friction.export.code import identifier, plain
 from tcs_friction.export.curve import over_position, over_speed, steady
 from tcs_friction.export.request import Exported, Request
 from tcs_friction.export.telling import in_newton_metres, left_out, periodic_over_position
@@ -53,13 +54,15 @@ def curve(request: Request, temperature: float) -> tuple[np.ndarray, np.ndarray]
         raise InputError("--speed", f"{request.speed:g}", "a speed above 0")
     half = np.geomspace(SLOWEST * request.speed, request.speed, LOOKS // 2)
     speeds = np.concatenate([-half[::-1], half])
-    shaping = tuple(item for item in axis.effects if item in over_speed(axis) or item.thermal and item.term.place is Place.SCALE)
+    shaping = tuple(
+        item for item in axis.effects if item in over_speed(axis) or (item.thermal and item.term.place is Place.SCALE)
+    )
     torque = steady(replace(axis, effects=shaping, actuation_delay=0.0), speeds, temperature)
     return speeds, c.share * np.array([rested(m, v, c.rest_speed, c.rest_torque) for m, v in zip(torque, speeds, strict=True)])
 
 
 def knots(x: np.ndarray, y: np.ndarray, most: int = LOOKS, close: float = CLOSE) -> np.ndarray:
-    """Places of the points that lines between them need to be `close`, the worst first, at most `most`. The middle gap stays one."""
+    """Places of the points that lines between them need to be `close`, the worst first, at most `most`; a gap in the middle."""
     middle = len(x) // 2
     taken = [0, middle - 1, middle, len(x) - 1]
     floor = 1e-3 * np.abs(y).max()
@@ -106,7 +109,9 @@ def _lying(request: Request) -> tuple[Instance, ...]:
     )  # fmt: skip
     tables = tuple(item for item in request.axis.effects if item.table is not None and item.table.coordinates == ("position",))
     if not items + tables:
-        raise InputError(str(request.source), "no effect is a torque over the position", "cogging, a spring or gravity in effects")
+        raise InputError(
+            str(request.source), "no effect is a torque over the position", "cogging, a spring or gravity in effects"
+        )
     return items + tables
 
 
@@ -125,13 +130,17 @@ def torque(request: Request) -> tuple[str, list[str]]:
 
 def _places(request: Request) -> tuple[np.ndarray, list[str]]:
     start, end = request.travel
-    shortest = min([2.0 * math.pi / abs(order) for _, _, order, _, _ in periodic_over_position(request.axis)], default=end - start)
+    shortest = min(
+        [2.0 * math.pi / abs(order) for _, _, order, _, _ in periodic_over_position(request.axis)], default=end - start
+    )
     count = max(math.ceil((end - start) / shortest * POINTS_PER_WAVE), 4 * POINTS_PER_WAVE) + 1
     if count > MOST_POINTS:
         raise InputError("--travel", f"{count} points from {start:g} to {end:g}", f"at most {MOST_POINTS}")
     lying, unit = _lying(request), request.axis.unit("rad")
     words = ", ".join(item.words for item in lying)
-    lines = [f"{words}: at {count} positions from {start:.4g} to {end:.4g} {unit}, at most 0.2 % of a wave's amplitude off between them"]
+    lines = [
+        f"{words}: at {count} positions from {start:.4g} to {end:.4g} {unit}, at most 0.2 % of a wave off between them"
+    ]
     return np.linspace(start, end, count), lines + _others(request, lying)
 
 
@@ -145,7 +154,8 @@ def beckhoff(request: Request) -> tuple[str, list[str]]:
     in_newton_metres(request, "the drive")
     if request.axis.kind != "rotary":
         raise InputError(str(request.source), "a linear axis", "a rotary one: the drive counts waves per turn")
-    rows, lines, done = ["index,subindex,name,value,unit"], [], []
+    rows, lines = ["index,subindex,name,value,unit"], list[str]()
+    done: list[int] = []
     for item, _, order, amplitude, phase in periodic_over_position(request.axis):
         number = len(done)
         if order != round(order) or not order <= HIGHEST_ORDER:
@@ -160,7 +170,9 @@ def beckhoff(request: Request) -> tuple[str, list[str]]:
         done.append(item.identity)
     if not done:
         raise InputError(str(request.source), "no wave over the position that the drive can hold", "cogging of a whole order")
-    lines.append(f"{len(done)} waves r cos(n angle + phi) to be added, exactly; angle and sign are those of the recording: try one first")
+    lines.append(
+        f"{len(done)} waves r cos(n angle + phi) to be added, exactly; angle and sign are those of the recording: try one first"
+    )
     return "\n".join(rows) + "\n", lines + _others(request, [i for i in request.axis.effects if i.identity in done])
 
 
@@ -177,7 +189,9 @@ def odrive(request: Request) -> tuple[str, list[str]]:
         lines.append(f"the torque does not close with the turn: it jumps by {open_by:.3g} N m at angle 0")
     fastest = max([order for _, _, order, _, _ in periodic_over_position(request.axis)], default=0.0)
     if fastest * POINTS_PER_WAVE > MAP:
-        lines.append(f"the wave {fastest:g} has only {MAP / fastest:.3g} values: up to {100.0 * math.pi * fastest / MAP:.2g} % of it off")
+        lines.append(
+            f"the wave {fastest:g} has only {MAP / fastest:.3g} values: up to {100.0 * math.pi * fastest / MAP:.2g} % of it off"
+        )
     rows = ["index,torque (N m)", *(f"{k},{m:.9g}" for k, m in enumerate(values[:-1]))]
     return "\n".join(rows) + "\n", lines + _others(request, lying)
 
@@ -186,13 +200,18 @@ def cia402(request: Request) -> tuple[str, list[str]]:
     """Whole thousandths of the rated torque over the position."""
     rated = request.axis.drive.rated_torque
     if not rated > 0.0:
-        raise InputError(str(request.source), "rated_torque is missing", "drive: {rated_torque: N m}, of which 60B2h is in thousandths")
+        raise InputError(
+            str(request.source), "rated_torque is missing", "drive: {rated_torque: N m}, of which 60B2h is in thousandths"
+        )
     places, lines = _places(request)
     values = np.round(_over(request, places) / rated * THOUSANDTHS)
     if np.abs(values).max() > 32767:
         raise InputError(str(request.source), f"a torque of {np.abs(values).max():.0f} thousandths", "at most 32767 (16 bits)")
     lines.append(f"rounded to thousandths of {rated:g} {request.axis.unit('N m')}: up to {0.5 * rated / THOUSANDTHS:.3g} off")
-    rows = [f"position ({request.axis.unit('rad')}),60B2h (1/1000)", *(f"{q:.9g},{m:.0f}" for q, m in zip(places, values, strict=True))]
+    rows = [
+        f"position ({request.axis.unit('rad')}),60B2h (1/1000)",
+        *(f"{q:.9g},{m:.0f}" for q, m in zip(places, values, strict=True)),
+    ]
     return "\n".join(rows) + "\n", lines
 
 
@@ -201,12 +220,14 @@ def linuxcnc(request: Request) -> tuple[str, list[str]]:
     speeds, values = curve(request, request.temperatures[0])
     taken = knots(speeds, values, LINCURVE)
     axis, off = request.axis, _off(speeds, values, taken)
-    name = f"{request.joint}-friction".replace("_", "-")
-    rows = [f"# Friction of {axis.name} over speed: in {axis.unit('rad/s')}, out {axis.unit('N m')} to add to the command.",
+    name = f"{identifier(request.joint)}-friction".replace("_", "-")
+    rows = [f"# Friction of {plain(axis.name)} over speed: in {axis.unit('rad/s')}, out {axis.unit('N m')} to add to the command.",
             f"loadrt lincurve names={name} personality={len(taken)}"]  # fmt: skip
     for number, k in enumerate(taken):
         rows += [f"setp {name}.x-val-{number:02d} {speeds[k]:.9g}", f"setp {name}.y-val-{number:02d} {values[k]:.9g}"]
-    rows.append(f"# addf {name} servo-thread; net the commanded speed to {name}.in and {name}.out to the drive's torque feed-forward")
+    rows.append(
+        f"# addf {name} servo-thread; net the commanded speed to {name}.in and {name}.out to the drive's torque feed-forward"
+    )
     where = f"up to {request.speed:g} {axis.unit('rad/s')}, at {request.temperatures[0]:g} degC"
     lines = [f"friction at {len(taken)} speeds {where}: at most {100.0 * off:.2g} % off between them"]
     return "\n".join(rows) + "\n", lines + list(left_out(axis, []))

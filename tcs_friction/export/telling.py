@@ -24,7 +24,8 @@ def in_newton_metres(request: Request, target: str) -> None:
 def how_well(fit: Fitted, axis: Axis, words: str) -> Iterator[str]:
     """Of friction over the speed."""
     speed, torque = axis.unit("rad/s"), axis.unit("N m")
-    yield f"friction over speed as {words}: at most {100.0 * fit.off:.2g} % off up to {fit.fastest:g} {speed} (at {fit.where:.3g} {speed})"
+    off = f"at most {100.0 * fit.off:.2g} % off up to {fit.fastest:g} {speed} (at {fit.where:.3g} {speed})"
+    yield f"friction over speed as {words}: {off}"
     if fit.uneven > 1e-9 * max(fit.dry, axis.dry_level):
         yield f"difference between directions: not expressed ({fit.uneven:.3g} {torque} rms)"
 
@@ -32,7 +33,8 @@ def how_well(fit: Fitted, axis: Axis, words: str) -> Iterator[str]:
 def bristles(axis: Axis) -> Iterator[str]:
     """What a simulator without bristles loses of the law."""
     if axis.bristle > 0.0:
-        yield f"{axis.friction.term.words}: pre-sliding is not expressed, the axis sticks rigidly ({axis.bristle:.3g} {axis.unit('rad')} of travel)"
+        travel = f"{axis.bristle:.3g} {axis.unit('rad')} of travel"
+        yield f"{axis.friction.term.words}: pre-sliding is not expressed, the axis sticks rigidly ({travel})"
 
 
 def left_out(axis: Axis, done: Collection[int], gravity: str = "") -> Iterator[str]:

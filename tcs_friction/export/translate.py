@@ -1,7 +1,7 @@
 """Kernels in C99: a term is written once, in Python, also for firmware.
 
-The subset is that of kernels: numbers, arrays of them, `if`, `for` over a range or a tuple, functions compiled by numba. What else
-a kernel of another package has is refused by name.
+The subset is that of kernels: numbers, arrays of them, `if`, `for` over a range or a tuple, functions compiled by numba. What
+else a kernel of another package has is refused by name.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ MATH = {"exp", "log", "sqrt", "sin", "cos", "tan", "atan", "atan2", "tanh", "pow
 OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "/", ast.Mod: "%"}
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 REAL, INT, ARRAY = "real", "int", "array"
-RESERVED = set(
-    "auto break case char const continue default do double enum extern float for goto inline int long register restrict return short "
-    "signed sizeof static struct switch typedef union unsigned void volatile while class new this private public template real".split()
-)
+RESERVED = """
+auto break case char const continue default do double enum extern float for goto inline int long register restrict return short
+signed sizeof static struct switch typedef union unsigned void volatile while class new this private public template real
+"""
 HELPERS = {
     "lesser": "static real lesser(real a, real b) { return (b < a) ? b : a; }",
     "greater": "static real greater(real a, real b) { return (b > a) ? b : a; }",
@@ -105,9 +105,7 @@ class Library:
 class _Writer:
     """One function: the kinds of its variables first, then its text."""
 
-    def __init__(
-        self, library: Library, python: Callable[..., Any], tree: ast.FunctionDef, kinds: tuple[str, ...]
-    ) -> None:
+    def __init__(self, library: Library, python: Callable[..., Any], tree: ast.FunctionDef, kinds: tuple[str, ...]) -> None:
         self.library, self.python, self.tree = library, python, tree
         words = [argument.arg for argument in tree.args.args]
         if len(words) != len(kinds):
@@ -139,14 +137,16 @@ class _Writer:
         lengths = [(f"{word}_size", INT) for word, _ in arguments if word in self.lengths]
         kind = f"real{self.result}" if isinstance(self.result, int) else self.result
         head = f"static {kind} {name}({', '.join(declared) or 'void'})"
-        variables = [f"    {kind} {self.name(word)} = {'0' if kind == INT else number(0.0)};" for word, kind in self.locals.items()
-                     if word in self.used]  # fmt: skip
+        used = {word: kind for word, kind in self.locals.items() if word in self.used}
+        variables = [f"    {kind} {self.name(word)} = {'0' if kind == INT else number(0.0)};" for word, kind in used.items()]
         ordered = [entry for word, kind in arguments for entry in
                    ((word, kind), *(pair for pair in lengths if pair[0] == f"{word}_size"))]  # fmt: skip
-        return Translated(name, self.result, tuple(ordered), frozenset(self.written), "\n".join([head, "{", *variables, *lines, "}"]))
+        return Translated(
+            name, self.result, tuple(ordered), frozenset(self.written), "\n".join([head, "{", *variables, *lines, "}"])
+        )
 
     def name(self, word: str) -> str:
-        return f"{word}_" if word in RESERVED or word in SLOTS else word
+        return f"{word}_" if word in RESERVED.split() or word in SLOTS else word
 
     def line(self, text: str) -> str:
         return "    " * self.depth + text
@@ -231,7 +231,11 @@ class _Writer:
                 self.written.add(word)
                 counter, start = self.fresh("step"), self.expression(lower)[0] if lower else "0"
                 head = f"for (int {counter} = {start}; {counter} < {self.name(word)}_size; {counter}++)"
-                return [self.line(f"{head} {{"), self.line(f"    {self.name(word)}[{counter}] = {self.real(value)};"), self.line("}")]
+                return [
+                    self.line(f"{head} {{"),
+                    self.line(f"    {self.name(word)}[{counter}] = {self.real(value)};"),
+                    self.line("}"),
+                ]
             case _:
                 return self.store(target, *self.expression(value))
 
@@ -362,7 +366,7 @@ class _Writer:
         found = self.library.function(function, kinds)
         given: Mapping[str, ast.expr] = dict(zip(words, arguments, strict=True))
         taken = []
-        for word, kind in found.arguments:
+        for word, _ in found.arguments:
             if word in given:
                 taken.append(self.expression(given[word])[0])
                 continue

@@ -63,7 +63,7 @@ def vectors(code: AxisCode, count: int = 400, seed: int = 0, speed: float = 1.0)
     columns = (np.ascontiguousarray(motion[:, k]) for k in range(3))
     compiled.evaluate(machine, t, *columns, torque, around, AT_REST, out)
     friction = out[:, compiled.REQUIRED] - axis.inertia * motion[:, 2]
-    compensation = code.compensator.over(t, motion, np.column_stack([temperature, signals]))
+    compensation = code.compensator.over(np.asarray(t, np.float64), motion, np.column_stack([temperature, signals]))
     return Vectors(
         np.column_stack([t, motion, torque, temperature]), signals, friction, compensation,
         _moved(code, torque, temperature, signals, float(motion[0, 0])),

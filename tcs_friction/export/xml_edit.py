@@ -45,7 +45,7 @@ class Element:
 
 
 class Document:
-    """A text and the changes to it. Raises InputError, beginning with `where`, for what is no XML or has another root than `root`."""
+    """A text and the changes to it. Raises InputError, beginning with `where`, for what is no XML or has no root `root`."""
 
     def __init__(self, text: str, where: str, root: str) -> None:
         self.where, self._data = where, text.encode()
@@ -57,7 +57,9 @@ class Document:
             raise InputError(where, f"its root is <{self.root.tag[:40]}>", f"<{root}>")
 
     def _parsed(self) -> Element:
-        parser, stack, roots = expat.ParserCreate("utf-8"), [], []
+        parser = expat.ParserCreate("utf-8")
+        stack: list[Element] = []
+        roots: list[Element] = []
         data = self._data
 
         def start(tag: str, attributes: dict[str, str]) -> None:
@@ -93,7 +95,8 @@ class Document:
             if found:
                 tag = tag[: found.start(2)] + quoteattr(value) + tag[found.end(2) :]
             else:
-                tag = re.sub(r"\s*(/?>)$", lambda end, name=name, value=value: f" {name}={quoteattr(value)}{end[1]}", tag)
+                inner, end = (tag[:-2], "/>") if tag.endswith("/>") else (tag[:-1], ">")
+                tag = f"{inner.rstrip()} {name}={quoteattr(value)}{end}"
         self._edit(element.start, element.open_end, tag)
 
     def unset(self, element: Element, *names: str) -> None:

@@ -96,6 +96,18 @@ class MujocoSimulator(Simulator):
         """The part of it that the model adds to the joint for a rotor, kg m^2."""
         return float(self._model.dof_armature[self._dof])
 
+    def begin(self, position: float, velocity: float) -> None:
+        """Begin anew at a position (rad) and velocity (rad/s); all else is as at the start."""
+        mujoco, data = self._mujoco, self._data
+        _home(mujoco, self._model, data)
+        data.qpos[self._place], data.qvel[self._dof] = position, velocity
+        mujoco.mj_forward(self._model, data)
+        body = self.machine.body
+        self.machine.states[:] = 0.0
+        body[:] = 0.0
+        body[[compiled.TRUE_POSITION, compiled.MEASURED, compiled.LAST_MIDDLE]] = position
+        body[compiled.TRUE_VELOCITY] = velocity
+
     def other_positions(self) -> tuple[float, ...]:
         """True positions of `other_joints`, rad or m."""
         return tuple(self._qpos[self._places].tolist())
@@ -191,7 +203,13 @@ def _without_servos(mujoco: Any, model: Any, chosen: int) -> tuple[str, ...]:
 def _at_home(mujoco: Any, model: Any) -> Any:
     """The engine's data where the model begins."""
     data = mujoco.MjData(model)
+    _home(mujoco, model, data)
+    return data
+
+
+def _home(mujoco: Any, model: Any, data: Any) -> None:
+    """Puts everything to where the model begins."""
+    mujoco.mj_resetData(model, data)
     home = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, HOME)
     if home >= 0:
         mujoco.mj_resetDataKeyframe(model, data, home)
-    return data

@@ -9,8 +9,9 @@ from tcs_friction.physics.registry import effect, effects, law, laws
 from tcs_friction.physics.terms import Instance, Table, instance
 
 VALUES = {
-    "coulomb": 60.0, "static": 90.0, "stribeck_velocity": 2e-2, "stiffness": 3e4, "damping": 50.0, "viscous": 50.0, "exponent": 1.3,
-    "load": 0.1, "load_stribeck": 0.2, "spread": 1.0, "elements": 6.0, "transient": 20.0, "presliding_distance": 1e-3, "ratio": 0.3,
+    "coulomb": 60.0, "static": 90.0, "stribeck_velocity": 2e-2, "stiffness": 3e4, "damping": 50.0, "viscous": 50.0,
+    "exponent": 1.3, "load": 0.1, "load_stribeck": 0.2, "spread": 1.0, "elements": 6.0, "transient": 20.0,
+   "presliding_distance": 1e-3, "ratio": 0.3,
 }  # fmt: skip
 OWN = {
     "actuator_lag": {"time_constant": 3e-3},
@@ -54,7 +55,8 @@ def law_of(name: str) -> Instance:
 def effect_of(name: str, **values: float) -> Instance:
     """An effect with the values above, or others."""
     term = effect(name)
-    return instance(term, OWN[name] | values, signal="wind_speed" if term.signals else None, table=TABLE if term.tabulated else None)
+    signal, table = "wind_speed" if term.signals else None, TABLE if term.tabulated else None
+    return instance(term, OWN[name] | values, signal=signal, table=table)
 
 
 def axis(friction: str = "lugre", *names: str, kind: str = "rotary", inertia: float = 100.0) -> Axis:

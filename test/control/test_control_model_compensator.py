@@ -141,7 +141,8 @@ def test_another_share_of_all_comes_slowly_and_the_rest_band_is_of_friction_alon
     assert model.step(0.0, 0.0, 0.0, 0.0) == pytest.approx(0.5 * 53.0), "of a bristle still bent"
     model.configure(CancellationConfig(rest_speed=1e-3, rest_torque=3.0, entry_time=0.1))
     coming = [model.step(0.0, 0.0, 0.0, 0.0) for _ in range(60)]
-    assert np.max(np.diff(coming)) == pytest.approx(0.53) and coming[-1] == pytest.approx(53.0)
+    assert np.max(np.diff(coming)) == pytest.approx(0.53)
+    assert coming[-1] == pytest.approx(53.0)
 
 
 def test_limits_hold_for_each_effect_and_for_all_of_them() -> None:
