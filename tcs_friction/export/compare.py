@@ -144,15 +144,23 @@ Moved = tuple[Stretch, np.ndarray, tuple[tuple[np.ndarray, np.ndarray], tuple[np
 
 
 def _free(simulator: MujocoSimulator, stretch: Stretch, horizon: float, period: float) -> Iterator[Moved]:
-    """Windows of a stretch, in each of which the simulator goes on by the torque alone; positions from the window's first one."""
+    """Windows of a stretch, in each of which the simulator goes on by the torque alone; positions from the window's first one.
+
+    For half a window before it is led along the measured motion: where its bristles then are follows from that.
+    """
     size = min(max(round(horizon / period), 2), len(stretch.t))
-    for start in range(0, len(stretch.t) - size + 1, size):
+    lead = min(size // 2, len(stretch.t) - size)
+    for start in range(lead, len(stretch.t) - size + 1, size):
         rows = np.arange(start, start + size)
         first = float(stretch.position[start])
-        simulator.begin(first, float(stretch.velocity[start]))
+        simulator.begin(float(stretch.position[start - lead]), float(stretch.velocity[start - lead]))
+        for row in range(start - lead, start):
+            simulator.hold(float(stretch.position[row]), float(stretch.velocity[row]))
+            simulator.step(float(stretch.torque[row]))
+        simulator.hold(first, float(stretch.velocity[start]))
         position, velocity = np.empty(size), np.empty(size)
         for k, row in enumerate(rows):
-            position[k], velocity[k] = simulator.position, simulator.velocity
+            position[k], velocity[k] = simulator.place
             simulator.step(float(stretch.torque[row]))
         yield stretch, rows, ((stretch.position[rows] - first, position - first), (stretch.velocity[rows], velocity))
 

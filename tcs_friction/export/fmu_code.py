@@ -37,8 +37,7 @@ def block_of(code: AxisCode, kind: str) -> Block:
     surroundings = [Variable("temperature", "input", "degC", 20.0)]
     for signal in code.signals:
         surroundings += [Variable(f"signal_{identifier(signal)}", "input", "1"), Variable(f"signal_{identifier(signal)}_rate", "input", "1/s")]
-    places = {"axis": 2, "friction": 6}
-    first = places[kind] + 1  # of the signals among the values
+    first = {"axis": 3, "friction": 6}[kind]  # of the signals among the values
     passed = f", &self->values[{first}]" if code.signals else ""
     if kind == "axis":
         inputs = [Variable("torque", "input", torque), *surroundings]

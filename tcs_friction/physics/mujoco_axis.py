@@ -100,13 +100,22 @@ class MujocoSimulator(Simulator):
         """Begin anew at a position (rad) and velocity (rad/s); all else is as at the start."""
         mujoco, data = self._mujoco, self._data
         _home(mujoco, self._model, data)
-        data.qpos[self._place], data.qvel[self._dof] = position, velocity
+        self.hold(position, velocity)
         mujoco.mj_forward(self._model, data)
         body = self.machine.body
         self.machine.states[:] = 0.0
         body[:] = 0.0
         body[[compiled.TRUE_POSITION, compiled.MEASURED, compiled.LAST_MIDDLE]] = position
         body[compiled.TRUE_VELOCITY] = velocity
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the joint is and how fast, rad and rad/s."""
+        return float(self._qpos[self._place]), float(self._qvel[self._dof])
+
+    def hold(self, position: float, velocity: float) -> None:
+        """Put the joint where it was measured; bristles and what else the model remembers go on."""
+        self._data.qpos[self._place], self._data.qvel[self._dof] = position, velocity
 
     def other_positions(self) -> tuple[float, ...]:
         """True positions of `other_joints`, rad or m."""

@@ -1,5 +1,7 @@
 """Kernels in C: what is translated is tested by what the code computes (`test_export_c`), here is what is refused."""
 
+# ruff: noqa: ARG001, RET504 every kernel has the one signature
+
 from __future__ import annotations
 
 import math
