@@ -58,7 +58,9 @@ def curve(request: Request, temperature: float) -> tuple[np.ndarray, np.ndarray]
         item for item in axis.effects if item in over_speed(axis) or (item.thermal and item.term.place is Place.SCALE)
     )
     torque = steady(replace(axis, effects=shaping, actuation_delay=0.0), speeds, temperature)
-    return speeds, c.share * np.array([rested(m, v, c.rest_speed, c.rest_torque) for m, v in zip(torque, speeds, strict=True)])
+    return speeds, c.share * np.array(
+        [rested(m, v, c.rest_speed, c.rest_torque) for m, v in zip(torque, speeds, strict=True)]
+    )
 
 
 def knots(x: np.ndarray, y: np.ndarray, most: int = LOOKS, close: float = CLOSE) -> np.ndarray:
@@ -107,7 +109,9 @@ def _lying(request: Request) -> tuple[Instance, ...]:
         if item.term.place is Place.OPPOSING and not item.term.reads and not item.term.states and not item.signals
         and (item.term.coordinate == "position" or item.term.offset)
     )  # fmt: skip
-    tables = tuple(item for item in request.axis.effects if item.table is not None and item.table.coordinates == ("position",))
+    tables = tuple(
+        item for item in request.axis.effects if item.table is not None and item.table.coordinates == ("position",)
+    )
     if not items + tables:
         raise InputError(
             str(request.source), "no effect is a torque over the position", "cogging, a spring or gravity in effects"
@@ -138,9 +142,7 @@ def _places(request: Request) -> tuple[np.ndarray, list[str]]:
         raise InputError("--travel", f"{count} points from {start:g} to {end:g}", f"at most {MOST_POINTS}")
     lying, unit = _lying(request), request.axis.unit("rad")
     words = ", ".join(item.words for item in lying)
-    lines = [
-        f"{words}: at {count} positions from {start:.4g} to {end:.4g} {unit}, at most 0.2 % of a wave off between them"
-    ]
+    lines = [f"{words}: at {count} positions from {start:.4g} to {end:.4g} {unit}, at most 0.2 % of a wave off between them"]
     return np.linspace(start, end, count), lines + _others(request, lying)
 
 
@@ -169,7 +171,9 @@ def beckhoff(request: Request) -> tuple[str, list[str]]:
             rows.append(f"{COEFFICIENTS:04X},{where:02X},Cogging compensation Coef {number} {name},{value},{unit}")
         done.append(item.identity)
     if not done:
-        raise InputError(str(request.source), "no wave over the position that the drive can hold", "cogging of a whole order")
+        raise InputError(
+            str(request.source), "no wave over the position that the drive can hold", "cogging of a whole order"
+        )
     lines.append(
         f"{len(done)} waves r cos(n angle + phi) to be added, exactly; angle and sign are those of the recording: try one first"
     )
@@ -206,8 +210,12 @@ def cia402(request: Request) -> tuple[str, list[str]]:
     places, lines = _places(request)
     values = np.round(_over(request, places) / rated * THOUSANDTHS)
     if np.abs(values).max() > 32767:
-        raise InputError(str(request.source), f"a torque of {np.abs(values).max():.0f} thousandths", "at most 32767 (16 bits)")
-    lines.append(f"rounded to thousandths of {rated:g} {request.axis.unit('N m')}: up to {0.5 * rated / THOUSANDTHS:.3g} off")
+        raise InputError(
+            str(request.source), f"a torque of {np.abs(values).max():.0f} thousandths", "at most 32767 (16 bits)"
+        )
+    lines.append(
+        f"rounded to thousandths of {rated:g} {request.axis.unit('N m')}: up to {0.5 * rated / THOUSANDTHS:.3g} off"
+    )
     rows = [
         f"position ({request.axis.unit('rad')}),60B2h (1/1000)",
         *(f"{q:.9g},{m:.0f}" for q, m in zip(places, values, strict=True)),
@@ -221,7 +229,7 @@ def linuxcnc(request: Request) -> tuple[str, list[str]]:
     taken = knots(speeds, values, LINCURVE)
     axis, off = request.axis, _off(speeds, values, taken)
     name = f"{identifier(request.joint)}-friction".replace("_", "-")
-    rows = [f"# Friction of {plain(axis.name)} over speed: in {axis.unit('rad/s')}, out {axis.unit('N m')} to add to the command.",
+    rows = [f"# Friction of {plain(axis.name)} over speed: in {axis.unit('rad/s')}, out {axis.unit('N m')} to be added.",
             f"loadrt lincurve names={name} personality={len(taken)}"]  # fmt: skip
     for number, k in enumerate(taken):
         rows += [f"setp {name}.x-val-{number:02d} {speeds[k]:.9g}", f"setp {name}.y-val-{number:02d} {values[k]:.9g}"]

@@ -47,7 +47,9 @@ def test_a_table_can_be_had_as_json_with_its_notes(tmp_path: Path, capsys: pytes
 
 def test_code_takes_its_name_and_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert exported("--to", "c", "-o", str(tmp_path / "My axis.c"), "--period", "5e-4") == 0
-    assert {path.name for path in tmp_path.iterdir()} == {f"my_axis{end}" for end in (".c", ".h", ".hpp", "_test.c", "_controller.cpp")}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"my_axis{end}" for end in (".c", ".h", ".hpp", "_test.c", "_controller.cpp")
+    }
     assert "for a period of 0.0005 s" in capsys.readouterr().out
     assert exported("--to", "fmu", "-o", str(tmp_path / "a.fmu"), "--dry-run") == 0
     assert " bytes" in capsys.readouterr().out
@@ -63,7 +65,9 @@ def test_code_takes_its_name_and_period(tmp_path: Path, capsys: pytest.CaptureFi
         (["--to", "urdf", "--into", str(AXIS)], "no XML"),
     ],
 )
-def test_wrong_usage_is_one_line(words: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_is_one_line(
+    words: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert exported(*words, "-o", str(tmp_path / "out")) == 2
     error = capsys.readouterr().err
     assert expected in error
@@ -111,7 +115,10 @@ def test_compare_says_how_well_a_bag_fits(bag: Path, capsys: pytest.CaptureFixtu
     assert cli.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["compared"][str(bag)]
     assert [one["fit"] for one in found] == [100.0] * 3
-    for more, expected in ((["--joint", "a"], "--joint: given with the bag"), (["--horizon", "0"], "--horizon: 0, expected")):
+    for more, expected in (
+        (["--joint", "a"], "--joint: given with the bag"),
+        (["--horizon", "0"], "--horizon: 0, expected"),
+    ):
         assert cli.main([*words, *more]) == 2
         assert expected in capsys.readouterr().err
 

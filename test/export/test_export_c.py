@@ -60,7 +60,9 @@ def test_a_main_that_is_told_something_else_fails(tmp_path: Path) -> None:
 
 @needs_compiler
 def test_share_rest_band_and_limits_are_those_of_the_compensator(tmp_path: Path) -> None:
-    config = CancellationConfig(share=0.7, rest_speed=0.1, rest_torque=5.0, total_limit=40.0, entry_time=0.0, effect_limit=8.0)
+    config = CancellationConfig(
+        share=0.7, rest_speed=0.1, rest_torque=5.0, total_limit=40.0, entry_time=0.0, effect_limit=8.0
+    )
     exported(tmp_path, axis("lugre", "cogging", "coulomb_asymmetry", "torque_ripple"), compensation=config)
     assert ran(tmp_path, *SANITIZED)[0] == 0
 
@@ -152,7 +154,9 @@ def test_the_class_and_its_controller_compile_and_compensate(tmp_path: Path) -> 
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     (tmp_path / "driven.cpp").write_text(DRIVEN)
-    subprocess.run([PLUS, "-std=c++17", *STRICT, *SANITIZED, "-I.", "driven.cpp", "-o", "driven"], cwd=tmp_path, check=True, timeout=200)
+    subprocess.run(
+        [PLUS, "-std=c++17", *STRICT, *SANITIZED, "-I.", "driven.cpp", "-o", "driven"], cwd=tmp_path, check=True, timeout=200
+    )
     done = subprocess.run(["./driven"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=100)
     effort, single = map(float, done.stdout.split())
     assert effort == pytest.approx(3.0 + 60.0 + 50.0 * 0.5, rel=1e-6)
@@ -172,12 +176,19 @@ def test_what_the_compensator_lacks_is_said(tmp_path: Path) -> None:
     of = replace(axis("lugre", "backlash", "encoder_periodic_error", "wind_torque", "temperature_dependent_friction"),
                  drive=Drive(noise=1.0))  # fmt: skip
     lines = "\n".join(c.export(Request(of, Path("a.yaml"), tmp_path / "x.c", joint="j")).lines)
-    for words in ("backlash: not in the compensator", "encoder periodic error of order 300: not in the compensator", "wants wind_speed",
-                  "wants temperature", "noise and resolution"):  # fmt: skip
+    for words in (
+        "backlash: not in the compensator",
+        "encoder periodic error of order 300: not in the compensator",
+        "wants wind_speed",
+        "wants temperature",
+        "noise and resolution",
+    ):
         assert words in lines
 
 
-@pytest.mark.parametrize(("text", "expected"), [("Joint 1-left", "joint_1_left"), ("1st", "axis_1st"), ("*", "axis"), ("ä", "axis")])
+@pytest.mark.parametrize(
+    ("text", "expected"), [("Joint 1-left", "joint_1_left"), ("1st", "axis_1st"), ("*", "axis"), ("ä", "axis")]
+)
 def test_a_name_is_one_of_c(text: str, expected: str) -> None:
     assert identifier(text) == expected
 

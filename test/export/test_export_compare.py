@@ -65,7 +65,8 @@ def test_white_noise_is_white(real: Recording) -> None:
 
 
 @pytest.mark.parametrize(
-    ("other", "words"), [("none", "0 recordings of a simulation, expected 1"), ("later", "no time in common with the real recording")]
+    ("other", "words"),
+    [("none", "0 recordings of a simulation, expected 1"), ("later", "no time in common with the real recording")],
 )
 def test_recordings_that_do_not_go_together_are_refused(real: Recording, other: str, words: str) -> None:
     simulated = [] if other == "none" else [replace(real, t=real.t + 100.0)]

@@ -77,7 +77,9 @@ class Importer:
 
     def begin(self, **values: float) -> None:
         if self.version == 3:
-            self.call("EnterInitializationMode")(self.instance, 0, ctypes.c_double(0.0), ctypes.c_double(0.0), 0, ctypes.c_double(0.0))
+            self.call("EnterInitializationMode")(
+                self.instance, 0, ctypes.c_double(0.0), ctypes.c_double(0.0), 0, ctypes.c_double(0.0)
+            )
         else:
             self.call("EnterInitializationMode")(self.instance)
         assert self.numbers("Set", tuple(values), list(values.values()))[0] == OK
@@ -162,7 +164,9 @@ def test_fmpy_finds_no_problem(kind: str, tmp_path: Path, known: Vectors) -> Non
     assert validate_fmu(str(path)) == []
     if kind.endswith("axis"):
         names = ("torque", "temperature")
-        series = np.array([tuple(row) for row in known.motion[:, [0, 4, 5]]], dtype=[(name, float) for name in ("time", *names)])
+        series = np.array(
+            [tuple(row) for row in known.motion[:, [0, 4, 5]]], dtype=[(name, float) for name in ("time", *names)]
+        )
         found = fmpy.simulate_fmu(str(path), input=series, stop_time=0.05, step_size=PERIOD, output_interval=PERIOD)
         assert np.isfinite(found["position"]).all()
 

@@ -105,7 +105,9 @@ def test_sdf_has_a_spring(tmp_path: Path) -> None:
     text = content(found)
     assert float(re.findall(r"<spring_reference>(.*)</", text)[0]) == pytest.approx(0.1)
     assert float(re.findall(r"<spring_stiffness>(.*)</", text)[0]) == pytest.approx(50.0, rel=0.02)
-    assert any(re.match(r"cable wrap: as a linear spring, 0\.\d+ % of its torque left over from -0.2", line) for line in found.lines)
+    assert any(
+        re.match(r"cable wrap: as a linear spring, 0\.\d+ % of its torque left over from -0.2", line) for line in found.lines
+    )
 
 
 @pytest.mark.parametrize("to", ["urdf", "sdf"])
@@ -161,7 +163,9 @@ def test_edits_keep_quotes_and_values_with_brackets() -> None:
 @pytest.mark.parametrize("to", ["urdf", "sdf", "mjcf", "fmu", "modelica"])
 def test_a_torque_in_ampere_is_refused(to: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="its torque is in A, expected N m or N"):
-        into(tmp_path, to, URDF, replace(SIMPLE, torque_unit="A"), **({} if to in ("urdf", "sdf", "mjcf") else {"into": None}))
+        into(
+            tmp_path, to, URDF, replace(SIMPLE, torque_unit="A"), **({} if to in ("urdf", "sdf", "mjcf") else {"into": None})
+        )
 
 
 def test_the_model_must_be_named_and_readable(tmp_path: Path) -> None:
@@ -222,8 +226,13 @@ def test_mjcf_gets_bristles_cogging_springs_and_bias(tmp_path: Path) -> None:
     of = axis("lugre", "cogging", "cable_wrap", "torque_bias", "coulomb_asymmetry", "imbalance", "torque_ripple")
     found = into(tmp_path, "mjcf", MJCF.format(joint="", more=""), replace(of, actuation_delay=1e-3))
     lines = "\n".join(found.lines)
-    for words in ("difference between directions: not expressed", "gravity, the model has its own", "torque ripple of order 30: not expressed",
-                  "actuation delay of 1 ms: not expressed", "inertia: 100 kg m^2 where the model had 90 kg m^2, as armature 10"):  # fmt: skip
+    for words in (
+        "difference between directions: not expressed",
+        "gravity, the model has its own",
+        "torque ripple of order 30: not expressed",
+        "actuation delay of 1 ms: not expressed",
+        "inertia: 100 kg m^2 where the model had 90 kg m^2, as armature 10",
+    ):
         assert words in lines
     model = mujoco.MjModel.from_xml_string(content(found))
     data = mujoco.MjData(model)

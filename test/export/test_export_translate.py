@@ -101,6 +101,8 @@ def test_every_function_is_there_once_and_takes_what_it_uses() -> None:
         assert all(word.removesuffix("_size") in body for word, _ in one.arguments)
 
 
-@pytest.mark.parametrize(("text", "expected"), [("(a + b)", "a + b"), ("(a) + (b)", "(a) + (b)"), ("a", "a"), ("f(a)", "f(a)")])
+@pytest.mark.parametrize(
+    ("text", "expected"), [("(a + b)", "a + b"), ("(a) + (b)", "(a) + (b)"), ("a", "a"), ("f(a)", "f(a)")]
+)
 def test_only_parentheses_around_all_of_it_go(text: str, expected: str) -> None:
     assert bare(text) == expected
