@@ -66,8 +66,8 @@ def test_friction_before_a_recording_is_not_held_against_the_model() -> None:
     ways = np.sign(np.diff(recording.position[::100]))
     turns = 100 * (1 + np.flatnonzero(ways[1:] * ways[:-1] < 0.0))
     part = recording.part(slice(turns[0], len(recording)))
-    wrong = TorqueBalance(prepare([part]), plant.actuation_delay)
-    right = TorqueBalance(prepare([part], memory=10.0 * plant.bristle), plant.actuation_delay)
+    wrong = TorqueBalance(prepare([part]))
+    right = TorqueBalance(prepare([part], memory=10.0 * plant.bristle))
     assert np.abs(wrong.residual(plant, white_noise(wrong.samples))[wrong.train]).max() > 10.0
     assert np.abs(right.residual(plant, white_noise(right.samples))[right.train]).max() < 1.0
     assert diagnose([part], telescope_file().with_axis(plant)).verdict == "match"

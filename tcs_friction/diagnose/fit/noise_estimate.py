@@ -107,6 +107,19 @@ def misfit(balance: TorqueBalance, residual: np.ndarray) -> float:
     return max(1.0, float(np.mean(residual[balance.train] ** 2)) / max(floor**2, 1e-300))
 
 
+def surprise(balance: TorqueBalance, residual: np.ndarray) -> float:
+    """Minus twice the log-likelihood of a residual (n,) as noise of just its own spectrum, repeatable or not, but for a constant.
+
+    Whittle's: the sum of the logarithms of its power at the frequencies that are compared. It compares models of one recording
+    whatever noise models they were fitted under.
+    """
+    frequency, (blocks,) = _periodograms(balance.samples, [residual])
+    power = np.mean(np.abs(blocks) ** 2, axis=0)[frequency <= balance.data.cutoff][1:] if len(blocks) else np.zeros(0)
+    if not len(power):
+        power = np.mean(residual[balance.train] ** 2, keepdims=True)
+    return balance.samples.effective_count * float(np.mean(np.log(np.maximum(power, 1e-300))))
+
+
 def _periodograms(
     samples: ComparedSamples, series: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, list[np.ndarray]]:

@@ -59,7 +59,7 @@ class Doubt(enum.Enum):
 
 def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
     """Why an effect of a fit cannot be what it says; `base`: the axis that it was searched on."""
-    if item.term.alignment and item.values[item.term.alignment] < balance.alignment_leeway:
+    if item.term.alignment and item.values[item.term.alignment] <= balance.data.leeway:
         return Doubt.ALIGNMENT
     others = [other for other in fit.axis.effects if other is not item]
     if any(same_wave(balance, fit.axis, item, other) for other in others):
