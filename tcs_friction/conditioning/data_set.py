@@ -76,6 +76,11 @@ class DataSet:
         """s by which the torque may act sooner or later than it stands here, which is the log's sampling and no physics."""
         return max((timing.leeway for timing in self.timings), default=0.5 * self.period)
 
+    @property
+    def nyquist(self) -> float:
+        """Hz, half the rate at which position and torque are new."""
+        return 0.5 / max(self.period, 2.0 * self.leeway)
+
     def joined(self, name: str) -> np.ndarray:
         """One quantity of the stretches (..., n) at the samples that are compared, over all of them."""
         step = 1 if name in COMPARED else self.stride

@@ -85,6 +85,7 @@ def prepare(
             )
     stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory, pauses)
     _check_fitted(stretches, recordings[0].source, band.cutoff)
+    renewals = [2.0 * timing.leeway for timing in timings]
     step = visible_step([r.position for r in recordings], band.position_noise)
     return DataSet(
         stretches=stretches,
@@ -97,7 +98,7 @@ def prepare(
         position_step=step,
         names=tuple(recordings[0].exogenous),
         temperature=all(r.temperature is not None for r in recordings),
-        notes=(*mendings(recordings), *notes, *_notes(band, period, step, sum(map(len, pauses)))),
+        notes=(*mendings(recordings), *notes, *_notes(band, period, max(period, *renewals), step, sum(map(len, pauses)))),
         timings=tuple(timings),
     )
 
@@ -224,12 +225,13 @@ def _check_fitted(stretches: Sequence[Stretch], source: str, cutoff: float) -> N
     )
 
 
-def _notes(band: Bands, period: float, step: float, pauses: int) -> list[str]:
+def _notes(band: Bands, period: float, renewal: float, step: float, pauses: int) -> list[str]:
     """What a reader of the report should know of the data set."""
     evaluated = band.step * period
     lines = [
         f"torques compared up to {band.cutoff:.3g} Hz (position noise {band.position_noise:.2g} rms), evaluated at "
-        f"{1 / evaluated:.4g} Hz, compared at {1 / (band.stride * evaluated):.4g} Hz"
+        f"{1 / evaluated:.4g} Hz, compared at {1 / (band.stride * evaluated):.4g} Hz",
+        f"modes, contacts and lags above {0.5 / renewal:.4g} Hz are not named: samples are new {1 / renewal:.4g} times a second",
     ]
     if step > 0.0:
         lines.append(f"the encoder's steps of {step:.3g} show: waves within half a step are not named")

@@ -126,7 +126,7 @@ class _Conclusion:
         verdict = self._verdict(errors, unexplained, found, moves_better)
         late = fit.axis.lateness if _is_worse(errors["believed"], errors) else 0.0
         added = [item for item in fit.axis.effects if not item.term.tabulated]
-        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed())
+        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed(), *self._early_log(found))
         if constant is not None:
             unit = unit_of("torque", believed)
             lines += (f"anything, since a constant torque leaves only {constant:.3g} {unit}: inertia or units may be wrong",)
@@ -220,6 +220,13 @@ class _Conclusion:
         """One line for each event that begins where no data were fitted."""
         found = untimed(self.balance, self.explanation.improved.axis)
         return tuple(f"when the {item.term.words} began: data from {a:.4g} to {b:.4g} s were not fitted" for item, a, b in found)
+
+    def _early_log(self, found: Sequence[Found]) -> tuple[str, ...]:
+        """One line where a delay is named and nobody states when the logged torque acts."""
+        delays = [one.instance.values[one.instance.term.alignment] for one in found if one.instance.term.alignment]
+        if not delays or all(timing.stated for timing in self.balance.data.timings):
+            return ()
+        return (f"whether the torque is {1e3 * delays[0]:.3g} ms late or stamped as much too early, which look alike",)
 
     def _verdict(
         self,

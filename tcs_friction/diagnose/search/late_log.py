@@ -12,8 +12,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.conditioning.timing import LogTiming, TorqueActs
 from tcs_friction.diagnose.fit.balance import TorqueBalance
@@ -22,7 +20,6 @@ from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.search.significance import chance
 
 LONGEST = 0.05  # s: clocks of a drive and its encoder differ by less, or nobody could control with them
-TRIED = 8.0  # in a period of the cutoff, the fastest torque that is compared: a fit finds the rest from the best of them
 AT_END = 0.999  # of what stamps may mean
 
 Prepare = Callable[[tuple[LogTiming, ...]], DataSet]
@@ -40,10 +37,7 @@ def out_of_step(balance: TorqueBalance, retuned: Fit, prepare: Prepare) -> tuple
         return None
     reach = (-data.leeway - (LONGEST if sooner else 0.0), data.leeway + (LONGEST if later else 0.0))
     wide = TorqueBalance(data, balance.inertia_known, reach)
-    tried = np.arange(reach[0], reach[1], 1.0 / (TRIED * data.cutoff))
-    squares = [wide.squares(replace(retuned.axis, lateness=float(one)), retuned.noise).value for one in tried]
-    start = replace(retuned.axis, lateness=float(tried[int(np.argmin(squares))]))
-    fit = settle(wide, start, retuned.noise, rounds=2)
+    fit = settle(wide, retuned.axis, retuned.noise, rounds=1)
     gained = (wide.squares(retuned.axis, fit.noise) - fit.squares) / fit.squares.dispersion
     if gained < chance(1, math.ceil(LONGEST / data.leeway)):
         return None
