@@ -268,10 +268,11 @@ class Controller(ManagedNode[ControllerConfig]):
         for name, wanted in ((COMPENSATION, self.config.compensator), (OBSERVER, self.config.feed_back)):
             faded = self._faded[name]
             added += faded.at_once(stamp, wanted) if at_once else faded.at(stamp, wanted)
-            if faded.rises:
-                self._pid.give_up(faded.entered)
-            elif not wanted and faded.entered:
-                self._pid.take_over(-faded.entered)
+            if faded.entered:
+                if faded.rises:
+                    self._pid.give_up(faded.entered)
+                elif not wanted:
+                    self._pid.take_over(-faded.entered)
         return added
 
     def _command_with_latest(self, stamp: int, step: Step) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 
 from sensor_msgs.msg import Temperature
@@ -283,7 +283,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
 
 
 def _friction(config: CompensatorConfig) -> tuple[object, ...]:
-    return config.positive, config.negative, config.actuation_delay
+    return tuple(getattr(config, entry.name) for entry in fields(CompensatorConfig))
 
 
 def _lugre_torque(lugre: LugreCompensator, _: float, __: float, speed: float, acceleration: float, ___: float) -> float:
@@ -292,7 +292,7 @@ def _lugre_torque(lugre: LugreCompensator, _: float, __: float, speed: float, ac
 
 
 def _limits(config: CancellationConfig) -> tuple[object, ...]:
-    return config.total_limit, config.effect_limit, config.effect_limits
+    return config.total_limit, config.effect_limit, config.effect_limits, config.share, config.rest_speed, config.rest_torque
 
 
 def _torque_of(
