@@ -16,7 +16,7 @@ from lifecycle_msgs.msg import Transition
 from launch import Action, LaunchContext, LaunchDescription
 from tcs_friction.control.reference import load_reference
 from tcs_friction.nodes.core.base import LOCK_STEP, REAL_TIME
-from tcs_friction.nodes.core.files import config_file
+from tcs_friction.nodes.core.files import axis_file, config_file
 
 NODES = (
     "plant",
@@ -70,6 +70,7 @@ def generate_launch_description() -> LaunchDescription:
 def nodes(context: LaunchContext) -> list[Action]:
     """The nodes for the arguments given, then what activates them."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    axis_file(given["axis"])  # refused here, in one line, and not by every node
     common = {"axis": given["axis"], "clock": given["clock"], "use_sim_time": given["use_sim_time"] == "true"}
     own = settings(given)
     file = [given["params_file"]] if given["params_file"] else []

@@ -50,6 +50,11 @@ def modelled(model: str, left_out: Sequence[str] = ()) -> dict[str, Mapping[str,
     return {node: {"model": model, "left_out": list(left_out)} for node in MODELLED}
 
 
+def described(mode: int) -> str:
+    """The switches of a mode, in words."""
+    return ", ".join(f"{name.capitalize()} {'on' if on else 'off'}" for (_, name), on in zip(SWITCHES, MODES[mode], strict=True))
+
+
 def friction_parameters(config: CompensatorConfig) -> dict[str, float]:
     """The friction parameters by the names that the compensator's node gives them."""
     return {name: value for name, (_, value) in flatten(config).items() if name in FRICTION}

@@ -173,10 +173,10 @@ class _KernelCompensator:
         self.dt = dt
         self.configure(config)
 
-    def configure(self, config: CompensatorConfig) -> None:
-        """Use other parameters from the next tick; a bad one raises InputError and changes nothing."""
+    def configure(self, config: CompensatorConfig, dt: float | None = None) -> None:
+        """Use other parameters, at once; a bad one raises InputError and changes nothing. dt: s, as before by default."""
         config.validate()
-        self.config = config
+        self.config, self.dt = config, dt or self.dt
         self.parameters = compensator_parameters(config, self.dt)
 
     def reset(self) -> None:
@@ -186,6 +186,23 @@ class _KernelCompensator:
 
 class LugreCompensator(_KernelCompensator):
     """The LuGre model run on the reference motion."""
+
+    def continued(self, config: CompensatorConfig, dt: float) -> LugreCompensator:
+        """The same with other parameters, which goes on from the state of this one.
+
+        The bristle keeps its deflection as a share of that of steady sliding, and with it the share of the dry friction.
+        """
+        other = LugreCompensator(config, dt)
+        other._state[:] = self._state
+        other._state[DEFLECTION] *= other._steady_deflection / self._steady_deflection
+        return other
+
+    @property
+    def _steady_deflection(self) -> float:
+        """Of steady sliding at the speed of the last tick, rad."""
+        speed = float(self._state[_SPEED])
+        way = self.config.negative if speed < 0.0 else self.config.positive
+        return float(stribeck_level(speed, way.coulomb, way.static, way.stribeck_velocity)) / way.stiffness
 
     def step(self, v_ref: float, a_ref: float) -> float:
         """The torque to add to the command (N m), from this tick's reference speed and acceleration."""

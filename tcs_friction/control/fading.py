@@ -29,24 +29,50 @@ class FadingInput:
 
     def configure(self, age_limit: float, fade_time: float) -> None:
         """Other times, s."""
-        self._limit = age_limit
+        self._limit, self._limit_ns = age_limit, age_limit * SECOND
         self._ramp.duration = fade_time
 
     def restart(self) -> None:
         """Nothing has come yet."""
         self._value, self._stamp, self._asked = 0.0, -1, -1
-        self._ramp.value = 0.0
+        self._ramp.value = self.entered = 0.0
+        self.rises = False
 
     def put(self, value: float, stamp: int) -> None:
         """A new value, of a state's stamp (ns)."""
         self._value, self._stamp = value, stamp
 
+    @property
+    def share(self) -> float:
+        """What of the value is used, 0 to 1."""
+        return self._ramp.value
+
+    def withdraw(self) -> None:
+        """Whoever gives the value has none any more: the last one fades out."""
+        self._stamp = -1
+
     def fresh(self, stamp: int) -> bool:
         """Whether the value is young enough at a stamp."""
-        return self._stamp >= 0 and abs(stamp - self._stamp) <= self._limit * SECOND
+        return self._stamp >= 0 and abs(stamp - self._stamp) <= self._limit_ns
 
     def at(self, stamp: int, wanted: bool = True) -> float:
-        """What to use at a stamp, faded in or out where it is `wanted` or not; to be asked at every tick."""
+        """What to use at a stamp, faded in or out where it is `wanted` or not; to be asked at every tick.
+
+        `entered` is by how much it has changed since the tick before because it fades; it `rises` where it fades in.
+        """
+        ramp, at = self._ramp, self._stamp
+        if wanted and ramp.value == 1.0 and at >= 0 and abs(stamp - at) <= self._limit_ns:  # the usual case first
+            self._asked, self.rises, self.entered = stamp, False, 0.0
+            return self._value
         elapsed = min(max(stamp - self._asked, 0) / SECOND, self._limit) if self._asked >= 0 else 0.0
         self._asked = stamp
-        return self._value * self._ramp.toward(wanted and self.fresh(stamp), elapsed)
+        before = ramp.value
+        share = ramp.toward(wanted and self.fresh(stamp), elapsed)
+        self.rises, self.entered = share > before, self._value * (share - before)
+        return self._value * share
+
+    def at_once(self, stamp: int, wanted: bool = True) -> float:
+        """The same with nothing to fade: where everything begins."""
+        self._ramp.value, self._asked = float(wanted and self.fresh(stamp)), stamp
+        self.rises, self.entered = False, 0.0
+        return self._value * self._ramp.value

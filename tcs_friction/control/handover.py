@@ -13,6 +13,11 @@ def between(new: float, old: float, share: float) -> float:
     return new + share * (old - new)
 
 
+def between_both(new: tuple[float, float], old: tuple[float, float], share: float) -> tuple[float, float]:
+    """Two numbers, likewise."""
+    return between(new[0], old[0], share), between(new[1], old[1], share)
+
+
 class Handover:
     """What the source that was put in place last gives, and that of the one before while it leaves.
 

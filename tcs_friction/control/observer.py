@@ -223,6 +223,13 @@ def observer_step(
     return float(estimate)
 
 
+@njit("void(f8[::1], f8[::1], f8[:, ::1])", cache=True)
+def _replay(state: Array, parameters: Array, heard: Array) -> None:
+    """Torques, speeds and compensations (n, 3) of so many ticks, one after the other."""
+    for k in range(len(heard)):
+        observer_step(state, parameters, heard[k, 0], heard[k, 1], heard[k, 2])
+
+
 @njit("f8[::1](f8[::1], f8[::1], f8[::1], f8[::1])", cache=True)
 def _observe(state: Array, parameters: Array, torque: Array, velocity: Array) -> Array:
     """The friction estimates (n,) over a whole recording."""
@@ -254,6 +261,15 @@ class FrictionObserver:
         config.validate()
         self.parameters, self._state = pack(config.design(self.dt))
         self.config = config
+
+    def continued(self, config: ObserverConfig, dt: float, heard: Array) -> FrictionObserver:
+        """Another observer in place of this one, as if it had been here for the last ticks.
+
+        heard: torques, speeds and compensations (n, 3) of those ticks, as `step` was given them; n may be 0.
+        """
+        other = FrictionObserver(config, dt)
+        _replay(other._state, other.parameters, np.ascontiguousarray(heard, dtype=np.float64))
+        return other
 
     def reset(self) -> None:
         """Forget the past; the next tick is the first."""

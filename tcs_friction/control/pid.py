@@ -144,26 +144,67 @@ def pid_step(
 
 
 class DoubleLoopPid:
-    """The controller, one `step` a tick. A changed configuration is applied whole and keeps the state."""
+    """The controller, one `step` a tick. A changed configuration keeps the state."""
 
     def __init__(self, config: PidConfig, dt: float) -> None:
         self._state = np.zeros(STATES)
+        self._left = 0  # ticks until the configuration has been reached
+        self._limit, self._share = 0.0, 1.0  # torque limit, and what share of it may be used
+        self.parameters = np.zeros(PARAMETERS)
         self.dt = dt
         self.configure(config)
 
-    def configure(self, config: PidConfig) -> None:
-        """Use another configuration from the next tick; a bad one raises InputError and changes nothing."""
+    def configure(self, config: PidConfig, dt: float | None = None, time: float = 0.0) -> None:
+        """Use another configuration; a bad one raises InputError and changes nothing.
+
+        dt: s of a tick, the same as before by default. time: s in which a controller that acts gets there, along a straight line
+        in all its numbers, so that the torque makes no step. An integrator without a gain is emptied in it.
+        """
         config.validate()
-        self.config = config
-        self.parameters = pid_parameters(config, self.dt)
+        self.config, self.dt = config, dt or self.dt
+        self._origin, self._target = self.parameters.copy(), pid_parameters(config, self.dt)
+        self._origin[_TORQUE_LIMIT] = self._limit
+        acts = self._state[_PRIMED] != 0.0 and time > 0.0
+        self._ticks = self._left = max(1, round(time / self.dt)) if acts else 1
+        if not acts:
+            self._approach()
+
+    def _approach(self) -> None:
+        """One tick closer to the configuration."""
+        self._left -= 1
+        share = self._left / self._ticks
+        self.parameters = self._target + share * (self._origin - self._target)
+        keep = self._left / (self._left + 1)
+        for slot, gain in ((_POSITION_INTEGRAL, _POSITION_I), (_VELOCITY_INTEGRAL, _VELOCITY_I)):
+            if self._target[gain] == 0.0:
+                self._state[slot] *= keep
+        if not self._left:
+            self._origin, self._ticks = self._target, 1
+        self._limit = float(self.parameters[_TORQUE_LIMIT])
+        self.parameters[_TORQUE_LIMIT] = self._share * self._limit
 
     def share_limit(self, share: float) -> None:
-        """Use a share (0 to 1) of the torque limit from the next tick; a change of configuration gives back all of it."""
-        self.parameters[_TORQUE_LIMIT] = share * self.config.torque_limit
+        """Use a share (0 to 1) of the torque limit from the next tick on."""
+        self._share = share
+        self.parameters[_TORQUE_LIMIT] = share * self._limit
+
+    def give_up(self, torque: float) -> None:
+        """Torque comes from elsewhere from now on: as far as the speed loop's integrator has held it, it does so no more."""
+        held = self._state[_VELOCITY_INTEGRAL]
+        if self._target[_VELOCITY_I] > 0.0 and held * torque > 0.0:
+            self._state[_VELOCITY_INTEGRAL] = held - torque if abs(torque) < abs(held) else 0.0
+
+    def take_over(self, torque: float) -> None:
+        """Torque that came from elsewhere comes from the speed loop's integrator from now on."""
+        if self._target[_VELOCITY_I] > 0.0:
+            self._state[_VELOCITY_INTEGRAL] += torque
 
     def reset(self) -> None:
         """Forget the integrators and filters."""
         self._state[:] = 0.0
+        if self._left:
+            self._left = 1
+            self._approach()
 
     def step(
         self, position: float, velocity: float, q_ref: float, v_ref: float, a_ref: float, added: float = 0.0
@@ -172,5 +213,7 @@ class DoubleLoopPid:
 
         `added` is torque put on top: friction compensation and the disturbance observer's feedback.
         """
+        if self._left:
+            self._approach()
         torque: float = pid_step(self._state, self.parameters, position, velocity, q_ref, v_ref, a_ref, added)
         return torque

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from lifecycle_msgs.msg import Transition
 
+from tcs_friction.errors import InputError
 from tcs_friction.nodes.graph import GRAPH
 
 FILE = Path(__file__).resolve().parents[2] / "launch/axis.launch.py"
@@ -78,6 +79,11 @@ def test_what_is_not_one_of_the_choices_cannot_be_given(launched: Any) -> None:
     assert "warn" in choices["log_level"]
     assert choices["axis"] is None
     assert all(entry.description for entry in launched.declared.values())
+
+
+def test_an_axis_file_that_is_not_there_starts_nothing(launched: Any) -> None:
+    with pytest.raises(InputError, match=r"/nope\.yaml: no such file"):
+        launched.actions(axis="/nope.yaml")
 
 
 def test_every_node_is_given_what_it_has(launched: Any) -> None:

@@ -130,6 +130,17 @@ def test_a_model_that_cannot_be_cancelled_is_refused_and_changes_nothing(
     assert asked.torques(3000)[-1] == pytest.approx(FRICTION, rel=0.05)
 
 
+def test_a_model_that_was_refused_is_read_again(together: Callable[..., Any], tmp_path: Path) -> None:
+    asked = Asked(together)
+    path = written(tmp_path / "model.yaml", {}, name="altitude")
+    assert "of another joint" in asked.set(model=path)
+    written(tmp_path / "model.yaml", {"torque_bias": {"bias": 5000.0}})
+    assert asked.set(model=path), "more torque than there is"
+    written(tmp_path / "model.yaml", {"torque_bias": {"bias": 50.0}})
+    assert asked.set(model=path) == ""
+    assert asked.node._model.effects["torque_bias"].values["bias"] == 50.0
+
+
 def test_effects_that_nobody_knows_are_refused(together: Callable[..., Any], tmp_path: Path) -> None:
     asked = Asked(together, f"model:={written(tmp_path / 'model.yaml', {'torque_bias': {'bias': 50.0}})}")
     assert "no effect 'torque_bais'" in asked.set(left_out=["torque_bais"])

@@ -497,14 +497,15 @@ def test_the_clock_does_not_change_while_a_node_runs(together: Callable[..., Any
 
 
 def test_another_axis_file_in_real_time_begins_nothing(together: Callable[..., Any]) -> None:
-    """It brings limits and a default programme of its own; a programme begins on command."""
+    """It brings limits of its own; a programme begins on command."""
     graph = running(together(*REAL_TIME))
     reference = graph["reference"]
     answer = reference.set_parameters([Parameter("axis", value="azimuth_1p2m.yaml")])[0]
     assert answer.successful, answer.reason
-    assert (reference.config.clock, reference.config.reference_file) == ("real_time", "")
+    assert reference.config.clock == "real_time"
+    assert reference.config.reference_file.endswith("azimuth_1p2m_run.yaml"), "given at the start, and kept"
     assert reference._joined.phase is Phase.REST
-    assert reference.set_parameters([Parameter("sinusoid.amplitude", value=0.012)])[0].successful
+    assert reference.set_parameters([Parameter("reference_file", value="")])[0].successful
     assert reference._joined.phase is Phase.JOINING
 
 

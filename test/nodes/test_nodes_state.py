@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pytest
 
 from tcs_friction.nodes.core.health import Health, Judgement
+from tcs_friction.nodes.core.jobs import Jobs
 from tcs_friction.nodes.core.log_lines import Problems, Warnings
 from tcs_friction.nodes.core.series import Series
 
@@ -44,6 +52,44 @@ def test_health_reports_the_rate_between_reports() -> None:
     health.report(10.0)
     health.ticks = 500
     assert health.report(10.5)["rate [1/s]"] == "1000.0"
+
+
+@pytest.mark.parametrize("names", [True, False])
+def test_another_rate_of_the_states_is_named_with_its_cause_by_one_node(names: bool) -> None:
+    health, limits = Health(), Judgement(period=0.01, names_rate=names)
+    health.judge(1.0, limits)
+    health.report(1.0)
+    health.stamp = 10**9
+    health.judge(2.0, limits)
+    health.report(2.0)
+    health.ticks, health.stamp = 200, 2 * 10**9
+    health.judge(3.0, limits)
+    said = "states come every 0.005 s, period is 0.01 s: set it for all nodes, or mend the rate"
+    assert health.warning == (said if names else "")
+
+
+def test_a_job_that_is_done_has_succeeded_whoever_wanted_to_cancel_it() -> None:
+    ends: list[str] = []
+
+    class Goal:
+        request, is_cancel_requested = None, True
+        succeed, canceled, abort = (lambda _, name=name: ends.append(name) for name in ("succeed", "canceled", "abort"))
+
+    for success, expected in ((True, "succeed"), (False, "canceled")):
+        jobs = Jobs.__new__(Jobs)
+        jobs._action = SimpleNamespace(Result=lambda success=success: SimpleNamespace(success=success, message=""))
+        jobs._node = SimpleNamespace(executor=SimpleNamespace(create_task=lambda work: asyncio.run(work())))
+
+        async def guarded(_: Any, answer: Any, __: Any) -> Any:
+            return answer
+
+        async def until(ready: Callable[[], bool], _: float) -> bool:
+            return ready()
+
+        jobs._guarded, jobs._waiter = guarded, SimpleNamespace(until=until)  # type: ignore[method-assign]
+        with suppress(StopIteration):
+            jobs._act(Goal()).send(None)
+        assert ends.pop() == expected
 
 
 def test_health_shows_the_limits_beside_what_they_limit() -> None:

@@ -16,6 +16,7 @@ from tcs_friction.commissioning.paper_loop import Conclusion, PaperLoop, decisiv
 from tcs_friction.commissioning.run import Run
 from tcs_friction.commissioning.settings import CommissioningConfig
 from tcs_friction.commissioning.setup import NAMES as MODE_NAMES
+from tcs_friction.commissioning.setup import described
 from tcs_friction.commissioning.stages import Stages, Steps
 from tcs_friction.config import AxisFile, control_of
 from tcs_friction.control.plausible import Ranges
@@ -74,8 +75,8 @@ class Commission(AxisNode[CommissionConfig]):
             if self._jobs.busy:
                 raise JobError("set_mode", f"refused while {self._jobs.busy}", "its goal to be over or cancelled")
             await self._tools.modes.set(request.mode, self.config.answer_limit)
-            response.success = True
-            self.get_logger().info(f"mode {MODE_NAMES[request.mode]}")
+            response.success, response.message = True, f"mode {MODE_NAMES[request.mode]}: {described(request.mode)}"
+            self.get_logger().info(response.message)
         except (InputError, JobError) as error:
             response.success, response.message = False, str(error)
             self.get_logger().warning(str(error))

@@ -110,6 +110,9 @@ class AxisNode(Node, Generic[C]):
     hears = TOPIC
     """The input that makes the node tick."""
 
+    names_rate = False
+    """Whether the node says that what it hears comes at another rate than its period; others leave that to the controller."""
+
     def missing(self) -> str:
         """What keeps the node from answering its last input, "" for nothing. For subclasses; asked while no tick comes."""
         return ""
@@ -295,7 +298,7 @@ class AxisNode(Node, Generic[C]):
         config = self.config
         if config.clock == REAL_TIME:
             limits = (config.period, config.age_limit, config.rate_limit, config.overrun_limit, config.time_limit)
-            self.health.judge(now, Judgement(*limits))
+            self.health.judge(now, Judgement(*limits, self.names_rate))
         if self.get_parameter("use_sim_time").value and not self.get_clock().now().nanoseconds:
             self.health.doubt("clock", "use_sim_time is set and there is no /clock: stamps of messages are not known")
         else:

@@ -6,6 +6,7 @@ later than that between two reports is reported even if it is well again by then
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -44,6 +45,7 @@ class Judgement:
     rate_limit: float = 0.9  # share of the ticks that must come
     overrun_limit: float = 0.05  # share of the ticks that may be late
     start_limit: float = 5.0  # s from the first report on in which an input may still come for the first time
+    names_rate: bool = True  # say that what is heard comes at another rate; one node of an axis is enough
 
     def shown(self) -> dict[str, str]:
         """The limits as values of a report, beside what they limit."""
@@ -64,12 +66,14 @@ class Health:
     overruns: int = 0  # ticks that came later than two periods after the one before (real time)
     repeats: int = 0  # inputs that had to be sent again (lock-step)
     last_tick: float = 0.0  # steady time, s
+    stamp: int = -1  # ns, of what was answered last; -1 where ticks are the node's own
     values: dict[str, str] = field(default_factory=dict)
     inputs: dict[str, Arrivals] = field(default_factory=dict)
     _problems: dict[str, str] = field(default_factory=dict)
     _warnings: dict[str, str] = field(default_factory=dict)
     _events: dict[str, int] = field(default_factory=dict)
     _before: tuple[float, int, int] = (0.0, 0, 0)
+    _stamp_before: int = -1
     _begun: float = 0.0
     _was: Level = Level.OK  # the worst of what is well again since the last report
     _limits: dict[str, str] = field(default_factory=dict)
@@ -194,11 +198,21 @@ class Health:
         if not then or self.ticks == ticks:
             return
         share = (self.ticks - ticks) / expected
-        if share < limits.rate_limit or share > 2.0 - limits.rate_limit:
+        interval = self._interval(self.ticks - ticks)
+        if abs(interval - limits.period) > (1.0 - limits.rate_limit) * limits.period:
+            if limits.names_rate:
+                found = f"states come every {interval:.4g} s, period is {limits.period:g} s"
+                self.note(f"{found}: set it for all nodes, or mend the rate")
+        elif share < limits.rate_limit or share > 2.0 - limits.rate_limit:
             rate, wanted = share / limits.period, 1.0 / limits.period
             self.note(f"{rate:.0f} ticks per second instead of {wanted:.0f}")
         if self.overruns - overruns > limits.overrun_limit * expected:
             self.note(f"{self.overruns - overruns} overruns in {now - then:.0f} s")
+
+    def _interval(self, ticks: int) -> float:
+        """Mean of the intervals (s) between what was answered since the last report; NaN where that is not known."""
+        before = self._stamp_before
+        return (self.stamp - before) * 1e-9 / ticks if 0 <= before < self.stamp else math.nan
 
     def report(self, now: float) -> dict[str, str]:
         """The values shown: rate since the report before, time without a tick, counters. `now` is steady time in s.
@@ -207,7 +221,7 @@ class Health:
         """
         then, ticks, _ = self._before
         rate = (self.ticks - ticks) / (now - then) if then and now > then else 0.0
-        self._before = (now, self.ticks, self.overruns)
+        self._before, self._stamp_before = (now, self.ticks, self.overruns), self.stamp
         events = {f"event {number}": text for number, text in enumerate(self._told(), 1)}
         self.forget_events()
         idle = f"{now - self.last_tick:.1f}" if self.last_tick else "no tick yet"

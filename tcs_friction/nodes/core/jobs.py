@@ -211,10 +211,10 @@ class Jobs:
             if progress.fields != shown:
                 shown = progress.fields
                 goal.publish_feedback(self._action.Feedback(**shown))
-        if goal.is_cancel_requested:
+        if answer.success:
+            goal.succeed()  # also where it was done before it heard of being cancelled
+        elif goal.is_cancel_requested:
             goal.canceled()
-        elif answer.success:
-            goal.succeed()
         else:
             goal.abort()
         return answer

@@ -113,6 +113,7 @@ class JointInput:
             self._refuse(self._rule.reason, now)
         elif step is not REPEATED:
             self.recent.add(stamp)
+            self._health.stamp = stamp
             self._health.heard(TOPIC, now, self._config.period)
         elif position != self.position:
             self._refuse("two positions with one stamp", now)
@@ -121,8 +122,11 @@ class JointInput:
     def _refuse(self, reason: str, now: float) -> None:
         if reason:
             self._health.disbelieve(TOPIC, reason)
-            self._health.refuse(f"{TOPIC} refused: {reason}")
-            self.contradicted = now
+            if self.stamp >= 0:
+                self._health.refuse(f"{TOPIC} refused: {reason}")
+                self.contradicted = now
+            else:  # a start is seldom even; it is named where it leads to nothing
+                self._health.refused += 1
 
     def _difference(self, stamp: int, position: float) -> float:
         """Speed from this position and the one before; 0 for the first."""

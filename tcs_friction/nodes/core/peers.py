@@ -16,10 +16,10 @@ LONGEST_NAME = 200
 
 
 class ContentError(InputError):
-    """A file does not do. The message quotes nothing of its content; `quoting`, for the node's own terminal, does."""
+    """A file cannot be used. The message quotes nothing of its content; `quoting`, for the node's own terminal, does."""
 
     def __init__(self, error: TcsError) -> None:
-        super().__init__(error.where, "does not do", error.expected or "another file; the command line says more about it")
+        super().__init__(error.where, "cannot be used", error.expected or "another file; the command line says more about it")
         self.quoting = error
 
 

@@ -145,7 +145,7 @@ class DriverNode(ManagedNode[D]):
 
     def _let_on(self, now: float, elapsed: float) -> None:
         hardware, measured = self.hardware, self._measured
-        doubt = hardware.fault or (f"two publishers of {COMMAND}" if self.rivals.topics else "")
+        doubt = hardware.fault or hardware.doubt or (f"two publishers of {COMMAND}" if self.rivals.topics else "")
         motion = (measured.position, measured.speed, self._measured_at)
         verdict = self._gate.at(Situation(now, *motion, self.active, doubt, not hardware.waits), elapsed)
         self._say_drive()
@@ -160,13 +160,13 @@ class DriverNode(ManagedNode[D]):
         hardware = self.hardware
         if hardware.fault:
             self.health.fail("drive", f"{hardware.fault}; activate the node again when that is mended")
-        elif hardware.waits:
-            self.health.doubt("drive", f"drive: {hardware.waits}")
+        elif hardware.doubt or hardware.waits:
+            self.health.doubt("drive", f"drive: {hardware.doubt or hardware.waits}")
         else:
             self.health.well("drive")
         if hardware.notes:
             self.health.doubt("drive lacks", "; ".join(hardware.notes))
-        self.health.values["drive"] = hardware.fault or hardware.waits or "on"
+        self.health.values["drive"] = hardware.fault or hardware.doubt or hardware.waits or "on"
 
     def destroy_node(self) -> None:
         """The drive first: nobody watches it afterwards."""

@@ -21,6 +21,8 @@ class Hardware(ABC):
 
     fault = ""
     """Why there may be no torque until `reset`, "" for nothing. One line; read at every period."""
+    doubt = ""
+    """Why there is to be no torque for the moment, "" for nothing: it comes back by itself."""
     waits = ""
     """What is waited for before torque has an effect, "" when it has."""
 

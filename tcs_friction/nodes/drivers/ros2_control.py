@@ -56,7 +56,9 @@ def state_period(intervals: Collection[float], wanted: float) -> float:
 
 
 class RobotJoint(Hardware):
-    """One joint of several. What is in the way of torque is one line: `waits` before it has begun, `fault` thereafter."""
+    """One joint of several. What is in the way of torque is one line: `waits` before it has begun; thereafter `doubt` while the
+    joint states are not what they were, `fault` for the rest.
+    """
 
     def __init__(self, node: ManagedNode[Any], joint: str, controller: str, manager: str, others: Others) -> None:
         self._node, self._joint, self._others = node, joint, others
@@ -104,7 +106,7 @@ class RobotJoint(Hardware):
         pass
 
     def reset(self) -> None:
-        self._obstacle_met = self.fault = ""
+        self._obstacle_met = self.fault = self.doubt = ""
         self.waits = NOT_LOOKED
         self._command = None
         self._efforts.clear()
@@ -164,11 +166,14 @@ class RobotJoint(Hardware):
 
     def _look(self) -> None:
         self._rivals.look()
-        obstacle = self._obstacle(time.monotonic())
-        if obstacle and self._command is not None:
+        now, begun = time.monotonic(), self._command is not None
+        obstacle = self._obstacle(now)
+        if obstacle and begun:
             self._obstacle_met = self._obstacle_met or obstacle
+        passing = "" if obstacle else self._states_objection(now)
         self.fault = self._obstacle_met + (self._left_behind() if self._obstacle_met else "")
-        self.waits = "" if self.fault else obstacle
+        self.doubt = passing if begun else ""
+        self.waits = "" if self.fault or begun else obstacle or passing
         if self._command is None:
             self._joints = self._watch.joints
         self._node.health.values["controller"] = f"{self._topic}: {', '.join(self._watch.joints) or 'joints not known'}"
@@ -183,7 +188,7 @@ class RobotJoint(Hardware):
         return f"; the controller keeps their {kept}" if not self._rivals.replaced else f"; their {kept} was replaced by zero"
 
     def _obstacle(self, now: float) -> str:
-        """The first thing in the way of torque, "" for none."""
+        """The first thing in the way of torque beside the joint states, "" for none."""
         watch = self._watch
         return (
             self.needed
@@ -191,7 +196,6 @@ class RobotJoint(Hardware):
             or objection(watch.joints, watch.interface, self._joint, self._others, watch.controller)
             or watch.inactive(now)
             or self._rivals.objection(now)
-            or self._states_objection(now)
             or self._changed()
         )
 

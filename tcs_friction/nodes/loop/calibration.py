@@ -79,7 +79,7 @@ class CalibrationMemory:
 
 
 def calibrated(comparisons: Sequence[Comparison], observer: ObserverSettings) -> Calibration:
-    """The observer calibrated. Raises JobError when the data does not do, or when what comes of it is no calibration."""
+    """The observer calibrated. Raises JobError when the data is not enough, or when what comes of it is no calibration."""
     try:
         return accepted(calibrate(comparisons, observer))
     except TcsError as error:

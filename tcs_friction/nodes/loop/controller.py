@@ -65,8 +65,7 @@ class Controller(ManagedNode[ControllerConfig]):
         self._pending = self._done = -1
         self._reference: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._reference_stamp = -1
-        self._compensation, self._compensation_stamp = 0.0, -1
-        self._residual, self._estimate_stamp = 0.0, -1
+        self._compensation_stamp = self._estimate_stamp = -1
         config = self.config
         self._pid = DoubleLoopPid(config, config.period)
         self._state = JointInput(self.health, self.lock_step)
@@ -87,11 +86,9 @@ class Controller(ManagedNode[ControllerConfig]):
         self._motion.check(config, file)
 
     def configure(self, config: ControllerConfig) -> None:
-        if config.period != self.config.period:
-            self._pid = DoubleLoopPid(config, config.period)
         super().configure(config)
-        self._pid.configure(self._within(config))
-        self._motion.configure(config, self.file, config.period)
+        self._pid.configure(self._within(config), config.period, config.entry_time)
+        self._motion.configure(config, config.period)
         self._lock_step = self.lock_step
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)
@@ -108,7 +105,7 @@ class Controller(ManagedNode[ControllerConfig]):
             self.health.refuse(f"{LIMITS} refused: not those of {self.file.axis.name}")
             return
         self._told = told
-        self._pid.configure(self._within(self.config))
+        self._pid.configure(self._within(self.config), time=self.config.entry_time)
 
     def _within(self, config: ControllerConfig) -> ControllerConfig:
         """The configuration with the smaller limits of its own and the driver's; in lock-step there are its own alone."""
@@ -132,12 +129,14 @@ class Controller(ManagedNode[ControllerConfig]):
             else:
                 self.health.forget(name)
 
+    names_rate = True
+
     def missing(self) -> str:
         if self._pending == self._done:
             return ""
         stamps = {
             "reference": self._reference_stamp,
-            "friction_compensation": self._compensation_stamp if self.config.compensator else self._pending,
+            "friction_compensation": self._compensation_stamp if self._takes_part(COMPENSATION) else self._pending,
             "friction_estimate": self._estimate_stamp if self.config.observer else self._pending,
         }
         late = [name for name, stamp in stamps.items() if stamp != self._pending]
@@ -162,6 +161,7 @@ class Controller(ManagedNode[ControllerConfig]):
         if step is NEW_RUN:
             self._pid.reset()
             self._motion.reset()
+            self._done = -1
         self._pending = stamp
         self._command_when_complete()
 
@@ -198,26 +198,27 @@ class Controller(ManagedNode[ControllerConfig]):
         objection = "" if -limit <= numbers[0] <= limit else f"{numbers[0]:g} N m, the limit is {limit:g}"
         if (objection or not self._lock_step) and not self._usable(COMPENSATION, stamp, numbers, objection):
             return
-        self._compensation, self._compensation_stamp = numbers[0], stamp
+        self._compensation_stamp = stamp
+        self._faded[COMPENSATION].put(numbers[0], stamp)
         if self._lock_step:
             self._command_when_complete()
-        else:
-            self._faded[COMPENSATION].put(numbers[0], stamp)
 
     def _on_estimate(self, data: bytes) -> None:
         stamp, numbers = ESTIMATE.read(data)
         if self._early(OBSERVER, stamp, data):
             return
-        residual, limit = numbers[2], self.config.compensation_limit
+        residual, valid, limit = numbers[2], numbers[3], self.config.compensation_limit
         if not -limit <= residual <= limit or not self._lock_step:
             if not self._usable(OBSERVER, stamp, numbers, self.config.torque_objection(residual)):
                 return
             residual = min(max(residual, -limit), limit)
-        self._residual, self._estimate_stamp = residual, stamp
+        self._estimate_stamp = stamp
+        if valid:
+            self._faded[OBSERVER].put(residual, stamp)
+        else:
+            self._faded[OBSERVER].withdraw()
         if self._lock_step:
             self._command_when_complete()
-        else:
-            self._faded[OBSERVER].put(residual, stamp)
 
     def _out_of_reach(self, position: float) -> str:
         away, limit = abs(position - self._state.position), self.config.following_limit
@@ -244,17 +245,35 @@ class Controller(ManagedNode[ControllerConfig]):
         stamp, config = self._pending, self.config
         if (
             self._reference_stamp != stamp
-            or (config.compensator and self._compensation_stamp != stamp)
+            or (self._takes_part(COMPENSATION) and self._compensation_stamp != stamp)
             or (config.observer and self._estimate_stamp != stamp)
             or self._done == stamp
             or not self.active
         ):
             return
-        added = self._compensation if config.compensator else 0.0
-        if config.feed_back:
-            added += self._residual
+        added = self._added(stamp, self._done < 0)
         position, velocity, acceleration = self._reference
         self._command(stamp, position, velocity, acceleration, added)
+
+    def _takes_part(self, name: str) -> bool:
+        """Whether the compensator's torque is used, or has yet to fade out."""
+        return self.config.compensator or self._faded[name].share > 0.0
+
+    def _added(self, stamp: int, at_once: bool) -> float:
+        """Compensation and what the observer adds.
+
+        What comes was held by the integrator and is taken out of it; what is switched off is put into it, what is lost is not.
+        """
+        added = 0.0
+        for name, wanted in ((COMPENSATION, self.config.compensator), (OBSERVER, self.config.feed_back)):
+            faded = self._faded[name]
+            added += faded.at_once(stamp, wanted) if at_once else faded.at(stamp, wanted)
+            if faded.entered:
+                if faded.rises:
+                    self._pid.give_up(faded.entered)
+                elif not wanted:
+                    self._pid.take_over(-faded.entered)
+        return added
 
     def _command_with_latest(self, stamp: int, step: Step) -> None:
         """Real time: use the latest inputs that are young enough; no torque without a reference that begins at the axis."""
@@ -291,8 +310,7 @@ class Controller(ManagedNode[ControllerConfig]):
     def _command_in_real_time(self, stamp: int, late: float, elapsed: float) -> None:
         """The torque for a reference that is `late` seconds old."""
         self._pid.share_limit(self._ramp.toward(self.active, elapsed))
-        added = self._faded[COMPENSATION].at(stamp, self.config.compensator)
-        added += self._faded[OBSERVER].at(stamp, self.config.feed_back)
+        added = self._added(stamp, False)
         position, velocity, acceleration = self._reference
         position += velocity * late + 0.5 * acceleration * late * late
         self._command(stamp, position, velocity + acceleration * late, acceleration, added)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 
+import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -14,6 +17,7 @@ from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 from tcs_friction.config import AxisFile, control_of
 from tcs_friction.control.config_field import setting, switch
 from tcs_friction.control.fading import FadingInput
+from tcs_friction.control.handover import Handover, between_both
 from tcs_friction.control.observer import FrictionObserver
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.plausible import Ranges, ranges
@@ -46,6 +50,15 @@ class DobNodeConfig(ObserverSettings, ModelConfig, Ranges, ClockConfig):
     memory: float = setting(600.0, "s", 1.0, 1e5, "for calibration: what is older is forgotten")
 
 
+HEARD = 4000
+"""Ticks that another design is made acquainted with: at 1 kHz the response of a cut-off of 0.5 Hz has died away in them."""
+
+
+def settings_of(config: DobNodeConfig) -> ObserverSettings:
+    """What an observer is made of: with other ones it is another observer."""
+    return ObserverSettings(**{entry.name: getattr(config, entry.name) for entry in fields(ObserverSettings)})
+
+
 def defaults(file: AxisFile) -> DobNodeConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
@@ -57,6 +70,9 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def __init__(self) -> None:
         self._motion = MeasuredMotion()
+        self._observer: FrictionObserver | None = None
+        self._source: Handover
+        self._heard: deque[tuple[float, float, float]] = deque(maxlen=HEARD)  # torques, speeds, compensations of the last ticks
         super().__init__("dob", defaults)
         self._publisher = self.create_publisher(FrictionEstimate, "friction_estimate", self.publish_profile)
         self._message = b""
@@ -85,7 +101,7 @@ class Dob(AxisNode[DobNodeConfig]):
         super().configure(config)
         self._period_ns = round(config.period * SECOND)
         self._limit = config.largest_torque
-        self._motion.configure(config, self.file, config.period)
+        self._motion.configure(config, config.period)
         self._state.configure(self.file.axis.name, config)
         self._faded.configure(config.age_limit, config.ramp_time)
         if not self.lock_step:
@@ -93,8 +109,23 @@ class Dob(AxisNode[DobNodeConfig]):
                 self.health.expect(COMPENSATION, Level.WARN)
             else:
                 self.health.forget(COMPENSATION)
-        self._observer = FrictionObserver(config, config.period)
+        self._use(config)
         self._calibration.configure(config.period, config.memory)
+
+    def _use(self, config: DobNodeConfig) -> None:
+        """Another design goes on from what the one before has heard, which hands over to it; the same one just goes on."""
+        settings, before = settings_of(config), self._observer
+        if before is None:
+            self._observer = FrictionObserver(settings, config.period)
+        elif (settings, config.period) != (before.config, before.dt):
+            self._observer = before.continued(settings, config.period, np.array(self._heard).reshape(-1, 3))
+        else:
+            return
+        step, reset = partial(_seen, self._observer), self._observer.reset
+        if self._heard:
+            self._source.replace(step, reset, config.entry_time / config.period)
+        else:
+            self._source = Handover(step, reset, between_both)
 
     def missing(self) -> str:
         if self._pending != self._done and self._pending >= 0:
@@ -163,7 +194,7 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def _begin_anew(self) -> None:
         """Forget the past: a new run, or in real time a gap that no observer bridges."""
-        self._observer.reset()
+        self._reset()
         self._motion.reset()
         self._shares.clear()
         self._faded.restart()
@@ -216,13 +247,14 @@ class Dob(AxisNode[DobNodeConfig]):
             share = 0.0
         if self.config.switch1:
             speed = self._speed
-            estimate = self._observer.step(self._torque, speed, share)
+            estimate, rest = self._source.step(self._torque, speed, share)
+            self._heard.append((self._torque, speed, share))
             if not -self._limit <= estimate <= self._limit:
                 estimate = self._reset_observer(estimate)
-            self._message = ESTIMATE.write(stamp, estimate, speed, self._observer.rest, True)
+            self._message = ESTIMATE.write(stamp, estimate, speed, rest, True)
         else:
             if self._running:
-                self._observer.reset()
+                self._reset()
             self._message = ESTIMATE.write(stamp, 0.0, 0.0, 0.0, False)
         self._running = self.config.switch1
         self._done = stamp
@@ -231,15 +263,24 @@ class Dob(AxisNode[DobNodeConfig]):
 
     def _reset_observer(self, estimate: float) -> float:
         """Internal state that cannot be is not kept: the observer begins anew with the next state."""
-        self._observer.reset()
+        self._reset()
         self.health.note(f"observer reset: its {self.config.torque_objection(estimate)}")
         return 0.0
+
+    def _reset(self) -> None:
+        self._source.reset()
+        self._heard.clear()
 
     def _share(self) -> float | None:
         """The compensator's torque during the period before the pending state, None when it has yet to come."""
         if not self.config.compensator or self._done < 0:
             return 0.0
         return self._shares.get(self._done) if self.lock_step else self._faded.at(self._pending)
+
+
+def _seen(observer: FrictionObserver, torque: float, speed: float, share: float) -> tuple[float, float]:
+    """All the friction and the rest of it that is not cancelled, N m."""
+    return observer.step(torque, speed, share), observer.rest
 
 
 def main(args: Sequence[str] | None = None) -> int:

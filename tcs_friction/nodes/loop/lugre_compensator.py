@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 
 from sensor_msgs.msg import Temperature
@@ -44,7 +44,9 @@ class CompensatorNodeConfig(CompensatorConfig, CancellationConfig, ModelConfig, 
     """Both directions' parameters, the model that takes their place, and Switch3 of the paper."""
 
     switch3: bool = switch(False, "Switch3: the compensation reaches the controller")
-    ramp_time: float = setting(0.5, "s", 0.0, 60.0, "real time: the compensation comes and goes with Switch3 over this time")
+    ramp_time: float = setting(
+        2.0, "s", 0.0, 60.0, "the compensation comes and goes with Switch3 over this time, at which a moving axis hardly feels it"
+    )
     temperature_age: float = setting(60.0, "s", 0.1, 1e5, "real time: what an older temperature changes is not cancelled")
     signal_age: float = setting(1.0, "s", 0.001, 1e5, "real time: what an older signal of the model causes is not cancelled")
 
@@ -69,7 +71,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._identified = 0  # ns, stamp of the parameters taken last
         self._stamp = -1
         self._lugre = LugreCompensator(self.config, self.config.period)
-        self._source = Handover(self._lugre_torque, self._lugre.reset)
+        self._source = Handover(partial(_lugre_torque, self._lugre), self._lugre.reset)
         self._temperature, self._measured = ROOM, -1.0  # degC, and steady time of the last one
         self._early = b""  # lock-step: the reference that waits for its surroundings
         self._complete = False  # lock-step: all that the model needs has come once
@@ -84,14 +86,22 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self.create_subscription(Temperature, "temperature", self._on_temperature, LISTEN)
 
     def configure(self, config: CompensatorNodeConfig) -> None:
-        if config.period != self.config.period:
-            self._lugre = LugreCompensator(config, config.period)
         super().configure(config)
-        self._lugre.configure(config)
-        self._use(self._models.read(config, self.file), config)
+        self._use_lugre(config)
+        self._use(self._models.use(config), config)
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._ramp.duration = config.ramp_time
         self._rule.configure(config.age_limit, config.patience, period=config.period)
+
+    def _use_lugre(self, config: CompensatorNodeConfig) -> None:
+        """Other friction parameters: what acts hands over to what goes on from its state, unless nothing has acted so far."""
+        before = self._lugre
+        if self._stamp < 0 or (_friction(config), config.period) == (_friction(before.config), before.dt):
+            before.configure(config, config.period)
+            return
+        self._lugre = before.continued(config, config.period)
+        if self._model is None:
+            self._source.replace(partial(_lugre_torque, self._lugre), self._lugre.reset, config.entry_time / config.period)
 
     def _use(self, axis: Axis | None, config: CompensatorNodeConfig) -> None:
         """Cancel another model's effects, or the same one's with other switches or limits: torque never comes in a step."""
@@ -111,7 +121,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             ticks = config.entry_time / config.period
             if self._model is None:
                 self._lugre.reset()
-                self._source.replace(self._lugre_torque, self._lugre.reset, ticks)
+                self._source.replace(partial(_lugre_torque, self._lugre), self._lugre.reset, ticks)
             else:
                 self._source.replace(partial(_torque_of, self._model, self._signals), self._model.reset, ticks)
             if self._stamp < 0:
@@ -121,9 +131,6 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
     def _runs(self, axis: Axis, config: CompensatorNodeConfig) -> bool:
         """Whether the model in use is of this axis at this period."""
         return self._model is not None and self._model.model is axis and self._model.dt == config.period
-
-    def _lugre_torque(self, _: float, __: float, speed: float, acceleration: float, ___: float) -> float:
-        return self._lugre.step(speed, acceleration)
 
     def check(self, config: CompensatorNodeConfig, file: AxisFile) -> None:
         axis, limits = self._models.read(config, file), config.limits()
@@ -162,7 +169,7 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
                 self._publisher.publish(self._message)
             return
         self._message = TORQUE.write(stamp, self._torque(stamp, step, numbers))
-        self._stamp = stamp
+        self._stamp = self.health.stamp = stamp
         self.health.ticks += 1
         self._publisher.publish(self._message)
 
@@ -171,17 +178,19 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         step = self._rule.judge(stamp, 0.0, now)
         if step is REFUSED and self._rule.reason:
             self.health.disbelieve("reference", self._rule.reason)
-            self.health.refuse(f"reference refused: {self._rule.reason}")
+            if self._stamp >= 0:
+                self.health.refuse(f"reference refused: {self._rule.reason}")
         elif step is NEXT or step is NEW_RUN:
             self.health.heard("reference", now, self.config.period)
         return step
 
     def _torque(self, stamp: int, step: Step, reference: tuple[float, ...]) -> float:
-        """The compensation, 0 while Switch3 is off; in real time it comes and goes over `ramp_time`."""
-        share = 1.0 if self.config.switch3 else 0.0
-        if not self.lock_step:
-            late = step is NEW_RUN or stamp - self._stamp > self.config.age_limit * SECOND
-            share = self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
+        """The compensation, 0 while Switch3 is off; it comes and goes over `ramp_time`, in lock-step not where a run begins."""
+        begins = step is NEW_RUN or self._stamp < 0
+        if self.lock_step and begins:
+            self._ramp.value = float(self.config.switch3)
+        late = begins or (not self.lock_step and stamp - self._stamp > self.config.age_limit * SECOND)
+        share = self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
         if step is NEW_RUN or not share:
             self._source.reset()
         if not share:
@@ -273,8 +282,17 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
             self.get_logger().warning(f"lugre_parameters refused: {result.reason}")
 
 
+def _friction(config: CompensatorConfig) -> tuple[object, ...]:
+    return tuple(getattr(config, entry.name) for entry in fields(CompensatorConfig))
+
+
+def _lugre_torque(lugre: LugreCompensator, _: float, __: float, speed: float, acceleration: float, ___: float) -> float:
+    """LuGre's torque for a reference."""
+    return lugre.step(speed, acceleration)
+
+
 def _limits(config: CancellationConfig) -> tuple[object, ...]:
-    return config.total_limit, config.effect_limit, config.effect_limits
+    return config.total_limit, config.effect_limit, config.effect_limits, config.share, config.rest_speed, config.rest_torque
 
 
 def _torque_of(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tcs_friction.config import AxisFile
 from tcs_friction.control.config_field import text
-from tcs_friction.control.handover import Handover, between
+from tcs_friction.control.handover import Handover, between_both
 from tcs_friction.control.model_compensator import SwitchConfig, check_model, check_names
 from tcs_friction.control.position_correction import PositionCorrection
 from tcs_friction.errors import InputError
@@ -28,33 +28,40 @@ Motion = tuple[float, float]
 
 
 class ModelFile:
-    """The model that a node has read last. A file is read when its name is given, not again at every other change."""
+    """The model of a node. A file is read when its name is given, not at every other change; one that is refused is forgotten."""
 
     def __init__(self) -> None:
         self._name = ""
         self._file: AxisFile | None = None
+        self._checked: tuple[str, AxisFile | None] = ("", None)
 
     @property
     def signals(self) -> Mapping[str, SignalSource]:
         """Where the model's signals are, by name."""
         return self._file.signals.exogenous if self._file is not None and self._file.signals is not None else {}
 
+    def use(self, config: ModelConfig) -> Axis | None:
+        """The model of a configuration that `read` has returned last, None without one: it is used from now on."""
+        if config.model != self._name:
+            self._name, self._file = self._checked
+        return self._file.axis if self._file is not None else None
+
     def read(self, config: ModelConfig, file: AxisFile) -> Axis | None:
-        """The model of a configuration for the axis of a file, None without one.
+        """The model of a configuration for the axis of a file, None without one; not yet used.
 
         Raises InputError for a file that cannot be read, that is of another axis, or that lacks an effect that is left out.
         """
         if not config.model:
             if config.left_out:
                 raise InputError("left_out", f"{', '.join(config.left_out)} without a model", "parameter model")
-            self._name, self._file = "", None
+            self._checked = ("", None)
             return None
         known = self._file
         if known is None or config.model != self._name:
             known = axis_file(config.model)
         check_model(known.axis, file.axis)
         check_names(known.axis, config.left_out)
-        self._name, self._file = config.model, known
+        self._checked = (config.model, known)
         return known.axis
 
 
@@ -64,16 +71,16 @@ class MeasuredMotion:
     def __init__(self) -> None:
         self._models = ModelFile()
         self._correction: PositionCorrection | None = None
-        self._source = Handover(_as_measured, _nothing, _between)
+        self._source = Handover(_as_measured, _nothing, between_both)
         self._begun = False
 
     def check(self, config: ModelConfig, file: AxisFile) -> None:
         """Raises InputError for a model that cannot be used on the axis of a file."""
         self._models.read(config, file)
 
-    def configure(self, config: ModelConfig, file: AxisFile, period: float) -> None:
+    def configure(self, config: ModelConfig, period: float) -> None:
         """Another model, to which the one before hands over, or other switches; a correction by the same model goes on."""
-        model, before = self._models.read(config, file), self._correction
+        model, before = self._models.use(config), self._correction
         if model is None:
             self._correction = None
         elif before is None or before.model is not model or before.dt != period:
@@ -105,7 +112,3 @@ def _as_measured(position: float, speed: float) -> Motion:
 
 def _nothing() -> None:
     pass
-
-
-def _between(new: Motion, old: Motion, share: float) -> Motion:
-    return between(new[0], old[0], share), between(new[1], old[1], share)

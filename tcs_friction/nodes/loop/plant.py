@@ -162,7 +162,7 @@ class Plant(ManagedNode[PlantConfig]):
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Back to rest at the start position, time 0, the same noise."""
         self._restart()
-        response.success = True
+        response.success, response.message = True, f"at rest at {self.config.start_position:g}, time 0"
         return response
 
     def state_changed(self) -> None:

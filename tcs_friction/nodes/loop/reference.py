@@ -65,7 +65,9 @@ def defaults(file: AxisFile) -> ReferenceConfig:
 
 def programme_of(config: ReferenceConfig) -> tuple[object, ...]:
     """What makes two configurations mean the same reference."""
-    return config.reference_file, config.kind, getattr(config, config.kind), config.shaper
+    if config.reference_file:
+        return config.reference_file, config.shaper
+    return config.kind, getattr(config, config.kind), config.shaper
 
 
 class ReferenceNode(AxisNode[ReferenceConfig]):

@@ -1,0 +1,181 @@
+"""One rule: whatever is set, called or switched on a moving axis, the torque makes no step beyond what the axis does by itself.
+
+Every declared parameter of every node of the loop is set while the axis moves, and set back, in lock-step and in real time. The
+largest change of `torque_command` from tick to tick is at most twice that of before, and the tracking error at most 1.2 times the
+peak of the axis without compensation. A new parameter is in this test by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from virtual import Loop
+
+from tcs_friction.commissioning.setup import MODES, SWITCHES
+from tcs_friction.control.compensator import CompensatorConfig
+from tcs_friction.control.config_field import Setting, changed, flatten
+from tcs_friction.nodes.core.convert import lugre_message
+from tcs_friction.nodes.graph import LOOP
+
+PERIOD = 0.005  # s
+SETTINGS = {
+    "period": PERIOD,
+    "position_proportional": 12.0,
+    "velocity_proportional": 6e4,
+    "velocity_integral": 6e5,
+    "bandwidth": 6.0,
+    "following_limit": 0.05,
+    "begin_at_once": "true",
+    "switch1": "true",
+}
+STEP, ERROR = 2.0, 1.2
+"""Times the largest step, and the peak of the error, of before."""
+SHARE = 1.25
+"""By which numbers are changed."""
+FROM_ZERO = {"s": 2e-3, "N m s/rad": 500.0, "N m": 1.0}
+"""By unit, what takes the place of a zero; else the 1e-3rd of the range."""
+BEGINS_ANEW = {
+    ("plant", "seed"): "the simulated axis begins anew at time 0",
+    ("plant", "start_position"): "the simulated axis begins anew at time 0",
+    ("plant", "period"): "the simulated axis begins anew at time 0",
+    ("plant", "run_until"): "lock-step: time stands still there",
+}
+"""Beside them: another reference, and its start and stop. In lock-step it is a function of the stamps, in real time a motion
+within limits of jerk and acceleration (`test_nodes_real_time.py`)."""
+TRACKS_WORSE = "controller velocity_feedforward"
+"""Whose meaning it is that the axis lags by a share of its speed."""
+ARCSEC = 206264.8
+
+
+def another(declared: Setting, value: Any) -> Any:
+    """Another value that somebody may want."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return next((option for option in declared.options if option != value), "azimuth_1p2m.yaml")
+    if isinstance(value, tuple):
+        return ["elsewhere"]
+    if isinstance(value, int):
+        return value + 1
+    assert declared.upper is not None
+    if value == 0.0:
+        return FROM_ZERO.get(declared.unit, 1e-3 * min(declared.upper, 1.0))
+    return value * SHARE if value * SHARE <= declared.upper else value / SHARE
+
+
+@pytest.fixture(params=["lock_step", "real_time"])
+def moving(request: Any, tmp_path: Path, ros_domain: None) -> Iterator[Callable[..., Loop]]:  # noqa: ARG001
+    """Makes a loop whose axis moves to and fro, and has done so for a while."""
+    (tmp_path / "run.yaml").write_text("reference: {kind: sinusoid, amplitude: 0.2, period: 40.0, duration: 100000.0}\n")
+    with pytest.MonkeyPatch.context() as patch:
+        made: list[Loop] = []
+
+        def make(**given: Any) -> Loop:
+            file = {"clock": request.param, "reference_file": tmp_path / "run.yaml"}
+            made.append(Loop(patch, SETTINGS | file | given))
+            made[0].run(12.0)
+            return made[0]
+
+        yield make
+        for loop in made:
+            loop.close()
+
+
+def peaks(loop: Loop, seconds: float) -> tuple[float, float]:
+    """Largest step of the torque (N m) and largest error (rad) while it goes on for so long."""
+    begin = len(loop.torques) - 1
+    loop.run(seconds)
+    return loop.steps(begin), float(np.abs(loop.errors[begin:]).max())
+
+
+def assert_no_step(found: list[tuple[str, float, float]], step: float, error: float) -> None:
+    """Every one within the rule: what was done, the largest step of the torque (N m) and the largest error (rad) after it."""
+    wrong = [
+        f"{name}: a step of {a:.1f} N m, {step:.1f} before; error {ARCSEC * b:.1f} arcsec, {ARCSEC * error:.1f} before"
+        for name, a, b in found
+        if a > STEP * step or (b > ERROR * error and not name.startswith(TRACKS_WORSE))
+    ]
+    assert not wrong, "; ".join(wrong)
+
+
+def begins_anew(loop: Loop, node: str, name: str) -> bool:
+    return (node, name) in BEGINS_ANEW or (node == "reference" and (loop.lock_step or name.startswith("shaper.")))
+
+
+def test_no_parameter_makes_a_step(moving: Callable[..., Loop]) -> None:
+    loop = moving()
+    step, error = peaks(loop, 22.0)
+    loop.set("lugre_compensator", switch3=True)
+    found = [("Switch3", *peaks(loop, 3.0))]
+    loop.set("controller", feed_back=True)
+    found.append(("feed_back", *peaks(loop, 2.0)))
+    acted = 0
+    for node in LOOP:
+        for name, (declared, value) in flatten(loop.nodes[node].config).items():
+            if declared.fixed or begins_anew(loop, node, name) or not loop.set(node, **{name: another(declared, value)}):
+                continue
+            acted += 1
+            found.append((f"{node} {name}", *peaks(loop, 1.0)))
+            assert loop.set(node, **{name: list(value) or [""] if isinstance(value, tuple) else value}), name
+            found.append((f"{node} {name} back", *peaks(loop, 1.0)))
+    assert acted > 80
+    assert_no_step(found, step, error)
+
+
+def test_nothing_that_is_switched_sent_or_called_makes_a_step(moving: Callable[..., Loop]) -> None:
+    loop = moving()
+    step, error = peaks(loop, 22.0)
+    found = []
+
+    def after(name: str, seconds: float = 2.0) -> None:
+        found.append((name, *peaks(loop, seconds)))
+
+    for coulomb in (60.0, 20.0, 78.1):
+        loop.set("lugre_compensator", switch3=True)
+        after("Switch3")
+        config = changed(CompensatorConfig(), {f"{way}.coulomb": coulomb for way in ("positive", "negative")})
+        loop.say("lugre_parameters", lugre_message(config, 0, "a test"))
+        assert loop.nodes["lugre_compensator"].config.positive.coulomb == coulomb
+        after(f"identified, {coulomb:g} N m")
+    for mode, switches in (*MODES.items(), *reversed(MODES.items())):
+        for (node, name), value in zip(SWITCHES, switches, strict=True):
+            if node in loop.nodes:
+                loop.set(node, **{name: value})
+        after(f"mode {mode}")
+    loop.set("dob", switch1=True)
+    loop.set("controller", feed_back=True)
+    after("feed_back")
+    for value in (False, True):
+        loop.set("dob", switch1=value)
+        after(f"Switch1 {value} under feed_back")
+    for estimator in ("kalman", "dob"):
+        loop.set("dob", estimator=estimator)
+        after(estimator)
+    assert_no_step(found, step, error)
+
+
+@pytest.mark.parametrize("gain", ["velocity_integral", "position_integral"])
+def test_what_an_integrator_holds_goes_when_its_gain_is_zero(moving: Callable[..., Loop], gain: str) -> None:
+    """Without compensation it holds all of the friction, more than 70 N m."""
+    loop = moving(position_integral=5.0)
+    step, _ = peaks(loop, 10.0)
+    slots = {"velocity_integral": 2, "position_integral": 0}
+    state = loop.nodes["controller"]._pid._state
+    held = abs(state[slots[gain]])
+    assert held > (50.0 if gain == "velocity_integral" else 1e-9)
+    assert loop.set("controller", **{gain: 0.0})
+    largest, _ = peaks(loop, 0.6)
+    assert largest <= STEP * step
+    assert state[slots[gain]] == 0.0
+
+
+def test_a_controller_of_another_period_goes_on(moving: Callable[..., Loop]) -> None:
+    loop = moving()
+    held = loop.nodes["controller"]._pid._state.copy()
+    assert loop.set("controller", period=0.004)
+    assert np.array_equal(loop.nodes["controller"]._pid._state, held)
+    assert loop.nodes["controller"]._pid.dt == 0.004
