@@ -308,3 +308,24 @@ def test_strict_refuses_messages_that_are_lost_and_samples_that_are_cut(tmp_path
     with pytest.raises(InputError, match=r"damaged: .*expected nothing to mend \(--strict\)"):
         read_recordings([good], signals, Choice(strict=True))
 
+
+def test_a_table_is_looked_at_as_a_bag_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    held = TORQUE[np.arange(len(T)) // 5 * 5]
+    rows = zip(T.tolist(), np.degrees(MOTION).tolist(), SPEED.tolist(), held.tolist(), strict=True)
+    path = tmp_path / "a.csv"
+    path.write_text("time [s],angle [deg],velocity,drive current [A]\n" + "".join(f"{a},{b},{c},{d}\n" for a, b, c, d in rows))
+    text = said(path, capsys)
+    assert text.startswith(f"{path}: 2000 rows, 7.996 s\n")
+    assert "position  250 Hz; -0.4 to 0.4 rad or m" in text
+    assert "a new value at 50 Hz only, held between (every 5 messages)" in text
+    assert "the derivative of the position (1.000 times)" in text
+    assert " A, by the unit that the table says" in text
+    assert "torque and motion: " in text
+    found = json.loads(said(path, capsys, "--json"))["health"]
+    assert found["signals"]["torque"]["fresh"] == pytest.approx(50.0, rel=0.03)
+    assert (found["samples"], found["refused"]) == (2000, None)
+    for words in (["--signal", "torque=/a:b"], ["--column", "torque=nothing"]):
+        assert main(["bag", "info", str(path), *words]) == 2
+    other = bag(tmp_path / "bag", states=joint_state(["axle"], MOTION, SPEED, TORQUE))
+    assert main(["bag", "info", str(other), "--column", "time=1"]) == 2
+
