@@ -28,6 +28,8 @@ COMMANDS = {
     "identify": "identify inertia and friction from bags",
     "diagnose": "find the physics that a model lacks against bags",
     "compensate": "predict what cancelling the physics of an axis file gains on a run",
+    "export": "an axis in your simulator's model, your drive's table or your firmware",
+    "compare": "measured beside simulated: a simulation's bag, or the model driven by the recording",
     "calibrate": "calibrate the friction observer against a dynamometer in bags",
     "response": "frequency response from torque to speed from bags, and models of it",
     "paper": "every table and figure of the paper, ours beside theirs",
