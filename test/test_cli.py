@@ -6,6 +6,7 @@ import argparse
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import ModuleType
 
@@ -13,6 +14,7 @@ import pytest
 
 from tcs_friction import cli
 from tcs_friction.errors import InputError, JobError
+from tcs_friction.physics import registry
 
 
 def command(monkeypatch: pytest.MonkeyPatch, run: object) -> None:
@@ -140,3 +142,17 @@ def test_closed_pipe_is_no_error() -> None:
     assert process.stderr is not None
     assert process.stderr.read() == ""
     process.stderr.close()
+
+
+def test_what_a_plug_in_raises_is_one_line_that_names_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command(monkeypatch, raising(ZeroDivisionError("two\nlines")))
+    monkeypatch.setattr(registry, "entry_points", lambda **_: EntryPoints([EntryPoint("magnet", f"{__name__}:TERM", "g")]))
+    assert cli.main(["probe"]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("tcs-friction: entry point magnet of g: ZeroDivisionError: two lines, expected ")
+    assert told.count("\n") == 1
+    monkeypatch.setattr(registry, "entry_points", lambda **_: EntryPoints(()))
+    with pytest.raises(ZeroDivisionError):  # our own mistakes are to be seen
+        cli.main(["probe"])

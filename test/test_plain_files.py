@@ -66,7 +66,6 @@ WORDS = {
 
 
 @pytest.mark.parametrize("name", WORDS)
-@pytest.mark.timeout(60)
 def test_no_command_waits_for_a_pipe(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = list(WORDS[name])
     axis = Path(__file__).parents[1] / "config" / "azimuth_1p2m.yaml"

@@ -14,20 +14,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tcs_friction.commands.inputs import add_reading, choice_of
+from tcs_friction.commands.inputs import add_columns, add_reading, choice_of
 from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.commands.parser import name_word
 from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
 from tcs_friction.conditioning.checks import check_changes
 from tcs_friction.conditioning.motion import prepare
 from tcs_friction.config import load_axis
-from tcs_friction.errors import TcsError, printable
+from tcs_friction.errors import InputError, TcsError, printable
 from tcs_friction.identify.timing import likely_lag
 from tcs_friction.recording.bags import read_recordings
-from tcs_friction.recording.health import health
+from tcs_friction.recording.choice import columns_of
+from tcs_friction.recording.health import health, table_health
 from tcs_friction.recording.info import bag_info, info_text
 from tcs_friction.recording.mending import refuse_mended
 from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.table_files import is_table
 from tcs_friction.recording.tables import export_table, import_table
 from tcs_friction.recording.write import EPOCH, write_recording
 from tcs_friction.writable import new_output, output_file
@@ -40,10 +42,11 @@ MOST_SAMPLES = 100_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     commands = parser.add_subparsers(dest="what", required=True, metavar="info|export|import")
-    info = commands.add_parser("info", help="what is in a bag")
+    info = commands.add_parser("info", help="what is in a bag or table")
     info.add_argument("bag", type=Path, metavar="BAG")
     info.add_argument("--joint", type=name_word, help="which joint to look at, by name or by number from 0 on (default: 0)")
     add_signals(info)
+    add_columns(info)
     export = commands.add_parser("export", help="a recording as a table")
     export.add_argument("bag", type=Path, metavar="BAG")
     export.add_argument("--axis", type=Path, required=True, metavar="AXIS.yaml", help="where the signals are")
@@ -65,6 +68,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _info(arguments: argparse.Namespace) -> None:
+    if is_table(arguments.bag):
+        _table_info(arguments)
+        return
+    if arguments.column:
+        raise InputError("--column", f"given for {arguments.bag}", "a table")
     info = bag_info(arguments.bag)
     block = with_signals(of_joint(info.signals, info.joints, arguments.joint), named_signals(arguments.signal))
     info = replace(info, signals=block)
@@ -73,6 +81,19 @@ def _info(arguments: argparse.Namespace) -> None:
         print(json.dumps(info.to_mapping() | {"health": found.to_mapping() if found else None}, allow_nan=False))
     else:
         print(info_text(info, found.lines() if found else ()))
+
+
+def _table_info(arguments: argparse.Namespace) -> None:
+    if arguments.signal:
+        raise InputError("--signal", "given for a table", "a bag, or --column for a table")
+    imported = import_table(arguments.bag, arguments.joint or "", columns_of(arguments.column))
+    found = table_health(imported.recording, _acting)
+    content = {"path": str(arguments.bag), "start": imported.recording.start * 1e-9, "duration": found.duration}
+    if arguments.json:
+        print(json.dumps(content | {"kind": imported.kind, "health": found.to_mapping()}, allow_nan=False))
+    else:
+        heading = f"{arguments.bag}: {found.samples} rows, {found.duration:.6g} s"
+        print("\n".join(printable(line) for line in [heading, "", *found.lines()]))
 
 
 def _acting(recording: Recording) -> float | None:

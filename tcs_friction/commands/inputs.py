@@ -25,12 +25,17 @@ def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_r
 def add_reading(parser: argparse.ArgumentParser, joint: bool = True, every: bool = False) -> None:
     """--column, --joint and --strict: what recordings, bags and tables alike, do not say themselves. every: --joint all."""
     add = parser.add_argument
-    which = "of a table: which column, by name or number from 1, is time, position, torque, velocity, temperature or reference"
-    add("--column", action="append", default=[], metavar="SIGNAL=COLUMN[:UNIT]", help=which)
+    add_columns(parser)
     if joint:
         which = "which joint of the recording, by name or by number from 0 on"
         add("--joint", type=name_word, default="", metavar="NAME", help=which + (f"; {EACH}" if every else ""))
     add("--strict", action="store_true", help="refuse a recording in which something would have to be mended")
+
+
+def add_columns(parser: argparse.ArgumentParser) -> None:
+    """--column: what the columns of a table are."""
+    which = "of a table: which column, by name or number from 1, is time, position, torque, velocity, temperature or reference"
+    parser.add_argument("--column", action="append", default=[], metavar="SIGNAL=COLUMN[:UNIT]", help=which)
 
 
 def choice_of(arguments: argparse.Namespace) -> Choice:

@@ -15,13 +15,13 @@ from tcs_friction.recording.align import align
 from tcs_friction.recording.bags import Bag, read_columns
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.freshness import fresh_samples, longest_unchanged
-from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.stamps import stamped
 from tcs_friction.recording.units import torque_base
 
 UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "torque": "N m or N", "temperature": "degC", "reference": "rad or m"}
-BY_REP_103 = "as ROS has it (REP 103)"
+BY_REP_103, IN_TABLES = "as ROS has it (REP 103)", "by the unit that the table says, else SI"
 OTHER_UNITS = {180.0 / np.pi: "deg", 1.0 / (2.0 * np.pi): "turns", 30.0 / np.pi: "revolutions a minute"}
 """What a velocity may be in, by its ratio to the derivative of a position in rad."""
 SAME = 0.03
@@ -121,6 +121,25 @@ def health(path: Path, block: Mapping[str, Any], acting: Callable[[Recording], f
         recording = align(columns, signals, str(path), notes)
     except InputError as error:
         return Health(found, tuple(notes), f"{error.found}, expected {error.expected}", 0, 0.0)
+    return _of_recording(recording, found, acting)
+
+
+def table_health(recording: Recording, acting: Callable[[Recording], float | None] = nobody_knows) -> Health:
+    """The same of a table that has been read; a unit that it does not say is in the notes."""
+    names = [name for name in UNITS if getattr(recording, name) is not None]
+    values = {name: getattr(recording, name) for name in names} | dict(recording.exogenous)
+    found = {}
+    for name, column in values.items():
+        unit = recording.torque_unit if name == "torque" else ""
+        believed = unit or UNITS.get(name, ""), IN_TABLES if name in UNITS else "unit unknown"
+        fine = np.isfinite(column)
+        found[name] = _of_values(name, recording.t[fine], column[fine], believed)
+    return _of_recording(recording, found, acting)
+
+
+def _of_recording(
+    recording: Recording, found: dict[str, SignalHealth], acting: Callable[[Recording], float | None]
+) -> Health:
     if (said := _velocity_says(recording)) and "velocity" in found:
         found["velocity"] = _with_reason(found["velocity"], said)
     acts, period = acting(recording), 1.0 / found["torque"].fresh if found["torque"].fresh else 0.0
@@ -138,15 +157,20 @@ def _looked_at(name: str, columns: TopicColumns, source: SignalSource) -> Signal
     stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
     line = clock.timeline(stamps[rows], columns.log_times[rows])
     fine = values[rows][line.rows]
-    unit, why = _believed(name, source)
+    seconds = np.asarray((line.times - line.times[:1]) * 1e-9, dtype=np.float64)
+    return _of_values(str(source), seconds, fine, _believed(name, source))
+
+
+def _of_values(source: str, seconds: Column, fine: Column, believed: tuple[str, str]) -> SignalHealth:
+    """Of finite values (n,) at times (n,), s; believed: unit and why."""
+    unit, why = believed
     if not len(fine):
-        return SignalHealth(str(source), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, unit, "no finite value")
-    seconds = (line.times - line.times[0]) * 1e-9
-    usual = clock.usual_period(line.times) * 1e-9
+        return SignalHealth(source, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, unit, "no finite value")
+    usual = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 0.0
     period, _ = fresh_samples(seconds, fine)
     unchanged, since = longest_unchanged(seconds, fine)
     rate, fresh = (1.0 / one if one > 0.0 else 0.0 for one in (usual, period))
-    return SignalHealth(str(source), rate, fresh, unchanged, since, float(fine.min()), float(fine.max()), unit, why)
+    return SignalHealth(source, rate, fresh, unchanged, since, float(fine.min()), float(fine.max()), unit, why)
 
 
 def _believed(name: str, source: SignalSource) -> tuple[str, str]:

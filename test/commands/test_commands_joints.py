@@ -13,11 +13,12 @@ import pytest
 from tcs_friction.cli import main
 from tcs_friction.commands.joints import Done, folders, for_each
 from tcs_friction.config import AxisFile, load_axis, save_axis
-from tcs_friction.errors import JobError
+from tcs_friction.errors import InputError, JobError
 from tcs_friction.identify import first_axis
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance
+from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.encode import joint_states
 from tcs_friction.recording.recording import Column
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -186,3 +187,18 @@ def test_what_fails_after_it_is_written_is_linked_and_said(tmp_path: Path, capsy
     assert "found &lt;b&gt;; x: no minimum" in page
     assert 'href="b/report.html"' in page
     assert capsys.readouterr().out.splitlines() == ["text", "text", str(tmp_path / "index.html")]
+
+
+@pytest.mark.parametrize("kind", ["bag", "table"])
+def test_a_fleet_takes_a_number_as_well(kind: str, axis: Path, request: pytest.FixtureRequest) -> None:
+    pytest.importorskip("fsspec")
+    from tcs_friction.commands.fleet import _signals
+    from tcs_friction.fleet.sources import find
+
+    (found,) = find([str(request.getfixturevalue(kind))])
+    own = load_axis(axis).mapped(axis)
+    for joint in ("1", "elbow"):
+        assert _signals(found, own, Choice(joint=joint)).position.joint == "elbow"
+    with pytest.raises(InputError, match="--joint: no joint '7', expected 0 to"):
+        _signals(found, own, Choice(joint="7"))
+

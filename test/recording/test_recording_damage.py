@@ -140,7 +140,7 @@ def test_without_metadata_the_files_are_found(good: dict[str, Path], tmp_path: P
         assert len(recording) == len(MESSAGES)
         assert recording.notes[0] == "metadata.yaml is missing; 1 storage files found by name"
         (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: [1, {")
-        assert read(bag).notes[0].startswith("metadata.yaml is broken")
+        assert read(bag).notes[0].startswith("mended: metadata.yaml is broken")
 
 
 def test_a_lost_first_chunk_does_not_take_the_topics_along(good: dict[str, Path], tmp_path: Path) -> None:

@@ -252,15 +252,19 @@ def test_units_in_names_of_topics_are_believed_and_said(tmp_path: Path, capsys: 
 
 @pytest.mark.parametrize("late", [0.0, 0.024, -0.016])
 def test_an_offset_between_torque_and_motion_is_told(late: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An axis with an inertia and viscous friction; the torque is logged on a topic of its own that is early or late.
+    """An axis with an inertia and friction; the torque is logged on a topic of its own that is early or late.
 
     A momentary torque is one that is held from half a sample before its stamp on.
     """
-    speed, motion = np.cos(3.0 * T) + SPEED, np.sin(3.0 * T) / 3.0 + MOTION
-    logged = np.interp(T - late, T, 20.0 * speed + 60.0 * np.gradient(speed, T))  # says at t what acted `late` before
+    waves = [(0.5 + 1.3 * k + 0.1 * k * k, 0.7 * k * k) for k in range(8)]  # as many as tell a lag from a change of friction
+    motion = sum(np.sin(rate * T + phase) / rate for rate, phase in waves)
+    speed = sum(np.cos(rate * T + phase) for rate, phase in waves)
+    acting = 20.0 * speed - 60.0 * sum(rate * np.sin(rate * T + phase) for rate, phase in waves) + 6.0 * np.sign(speed)
+    noise = 0.5 * np.random.default_rng(4).standard_normal(len(T))
+    logged = np.interp(T - late, T, acting) + noise  # says at t what acted `late` before
     path = bag(tmp_path / "bag", states=joint_state(["axle"], motion, speed, None), drive=wrench(logged))
     found = json.loads(said(path, capsys, "--json", "--signal", "torque=/drive:wrench.force.z"))["health"]
-    assert found["acts"] == pytest.approx(-late - 0.002, abs=0.0021)
+    assert found["acts"] == pytest.approx(-late - 0.002, abs=0.0041)
     line = next(line for line in said(path, capsys).splitlines() if "torque and motion" in line)
     assert ("clocks, filters or a delay" in line) == (late != 0.0)
 
@@ -307,4 +311,25 @@ def test_strict_refuses_messages_that_are_lost_and_samples_that_are_cut(tmp_path
     assert any(note.startswith("damaged: ") for note in one.notes)
     with pytest.raises(InputError, match=r"damaged: .*expected nothing to mend \(--strict\)"):
         read_recordings([good], signals, Choice(strict=True))
+
+
+def test_a_table_is_looked_at_as_a_bag_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    held = TORQUE[np.arange(len(T)) // 5 * 5]
+    rows = zip(T.tolist(), np.degrees(MOTION).tolist(), SPEED.tolist(), held.tolist(), strict=True)
+    path = tmp_path / "a.csv"
+    path.write_text("time [s],angle [deg],velocity,drive current [A]\n" + "".join(f"{a},{b},{c},{d}\n" for a, b, c, d in rows))
+    text = said(path, capsys)
+    assert text.startswith(f"{path}: 2000 rows, 7.996 s\n")
+    assert "position  250 Hz; -0.4 to 0.4 rad or m" in text
+    assert "a new value at 50 Hz only, held between (every 5 messages)" in text
+    assert "the derivative of the position (1.000 times)" in text
+    assert " A, by the unit that the table says" in text
+    assert "torque and motion: " in text
+    found = json.loads(said(path, capsys, "--json"))["health"]
+    assert found["signals"]["torque"]["fresh"] == pytest.approx(50.0, rel=0.03)
+    assert (found["samples"], found["refused"]) == (2000, None)
+    for words in (["--signal", "torque=/a:b"], ["--column", "torque=nothing"]):
+        assert main(["bag", "info", str(path), *words]) == 2
+    other = bag(tmp_path / "bag", states=joint_state(["axle"], MOTION, SPEED, TORQUE))
+    assert main(["bag", "info", str(other), "--column", "time=1"]) == 2
 
