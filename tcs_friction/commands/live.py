@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tcs_friction.commands.parser import name_word
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.entry import end_at_once, hear_over_udp, keep_logs, stay_local
 
@@ -32,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--token-file", default="", metavar="FILE", help="file with the token; else the variable TCS_LIVE_TOKEN")
     parser.add_argument("--control", action="store_true", help="with --host: others may give orders, too")
     known = "another name by which the page is reached; may be repeated"
-    parser.add_argument("--name", action="append", default=[], metavar="NAME", help=known)
+    parser.add_argument("--name", type=name_word, action="append", default=[], metavar="NAME", help=known)
     shown = "directory whose recordings and reports are listed: the nodes' parameter `results` (default: %(default)s)"
     parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help=shown)
 
@@ -56,20 +58,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 def check_packages() -> None:
     """Raises InputError where what the page is served with is not installed."""
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
-    except ModuleNotFoundError as error:
-        how = "./tcs live, which installs it, or pip install -r requirements/live.txt"
-        raise InputError("live", f"needs a package that is not installed ({error.name})", how) from None
+    for name in ("starlette", "uvicorn", "websockets"):
+        if importlib.util.find_spec(name) is None:
+            how = "./tcs live, which installs it, or pip install -r requirements/live.txt"
+            raise InputError("live", f"needs a package that is not installed ({name})", how)
 
 
 @contextlib.contextmanager
 def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int) -> Iterator[None]:
     """The page of a graph that runs in the block, in a process of its own that is not real-time. It ends with the block."""
+    from tcs_friction.nodes.core.scheduling import ASKED
     from tcs_friction.nodes.graph import end_with_parent
-    from tcs_friction.nodes.scheduling import ASKED
 
     given = [word.partition(":=")[2] for word in ros_arguments if word.startswith("results:=")]
     words = [*axes, "--port", str(port), *(["--results", given[-1]] if given else []), *ros_arguments]

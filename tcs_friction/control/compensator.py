@@ -6,7 +6,9 @@ time:
 
     v(t + lead) = v_ref + a_ref lead,      lead = actuation delay + half a tick.
 
-Each direction of motion has its own parameters; the bristle is one and the same.
+Each direction of motion has its own parameters; the bristle is one and the same. What is commanded may be a `share` of it, and
+less while the axis is meant to rest (`rested`): too much compensation makes an axis unstable, and what is left of a bristle's
+torque at rest makes a controller hunt.
 """
 
 from __future__ import annotations
@@ -26,12 +28,36 @@ from tcs_friction.physics.terms import DRY_SCALE, EXOGENOUS, TRAVEL, VELOCITY, V
 Array = NDArray[np.float64]
 
 # parameter slots: six of the positive direction, six of the negative, then
-_NEGATIVE, _LEAD, _DT = 6, 12, 13
+_NEGATIVE, _LEAD, _DT, _SHARE, _REST_SPEED, _REST_TORQUE = 6, 12, 13, 14, 15, 16
 # state slots; the motion vector that the friction kernel reads follows
 DEFLECTION, _SPEED, _PRIMED, _STATE_HEADER = 0, 1, 2, 3
 STATES = _STATE_HEADER + EXOGENOUS
 
 _SIGNATURE = "f8(f8[::1], f8[::1], f8, f8)"
+
+
+def share_setting() -> float:
+    """The setting `share` of a compensator."""
+    return setting(1.0, "", 0.0, 1.0, "part of the compensation that is commanded; below 1 the axis keeps some friction")
+
+
+def rest_speed_setting() -> float:
+    """The setting `rest_speed` of a compensator."""
+    return setting(0.0, "rad/s", 0.0, 1e6, "reference speed below which the friction compensated falls to rest_torque at rest")
+
+
+def rest_torque_setting() -> float:
+    """The setting `rest_torque` of a compensator."""
+    return setting(0.0, "N m", 0.0, 1e12, "most friction torque compensated at rest, where there is a rest_speed")
+
+
+@njit("f8(f8, f8, f8, f8)", cache=True, inline="always")
+def rested(torque: float, velocity: float, rest_speed: float, rest_torque: float) -> float:
+    """Friction torque (N m) in the rest band: bounded to `rest_torque` at rest, whole from `rest_speed` on, a line between."""
+    if abs(velocity) >= rest_speed:
+        return torque
+    moving = abs(velocity) / rest_speed
+    return moving * torque + (1.0 - moving) * min(max(torque, -rest_torque), rest_torque)
 
 
 @dataclass(frozen=True)
@@ -78,6 +104,9 @@ class CompensatorConfig:
     actuation_delay: float = setting(
         0.0, "s", 0.0, 0.1, "known delay between the commanded torque and its action"
     )
+    share: float = share_setting()
+    rest_speed: float = rest_speed_setting()
+    rest_torque: float = rest_torque_setting()
 
     def validate(self, where: str = "compensator") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
@@ -87,7 +116,8 @@ class CompensatorConfig:
 def compensator_parameters(config: CompensatorConfig, dt: float) -> Array:
     """The kernels' parameter array for a tick of `dt` seconds."""
     lead = config.actuation_delay + 0.5 * dt
-    return np.array([*config.positive.packed(), *config.negative.packed(), lead, dt])
+    chosen = config.share, config.rest_speed, config.rest_torque
+    return np.array([*config.positive.packed(), *config.negative.packed(), lead, dt, *chosen])
 
 
 @njit(_SIGNATURE, cache=True)
@@ -104,8 +134,10 @@ def lugre_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> f
     state[_SPEED] = velocity
     bristle = state[DEFLECTION:_SPEED]
     if velocity < 0.0:
-        return friction(motion, parameters[_NEGATIVE:_LEAD], bristle, parameters[_DT])
-    return friction(motion, parameters[:_NEGATIVE], bristle, parameters[_DT])
+        torque = friction(motion, parameters[_NEGATIVE:_LEAD], bristle, parameters[_DT])
+    else:
+        torque = friction(motion, parameters[:_NEGATIVE], bristle, parameters[_DT])
+    return float(parameters[_SHARE] * rested(torque, velocity, parameters[_REST_SPEED], parameters[_REST_TORQUE]))
 
 
 @njit(_SIGNATURE, cache=True)
@@ -121,7 +153,8 @@ def stribeck_step(  # the memory is there for the common signature
         return 0.0
     at = _NEGATIVE if velocity < 0.0 else 0
     level = stribeck_level(velocity, parameters[at], parameters[at + 1], parameters[at + 2])
-    return float(math.copysign(level, velocity) + parameters[at + 5] * velocity)
+    torque = math.copysign(level, velocity) + parameters[at + 5] * velocity
+    return float(parameters[_SHARE] * rested(torque, velocity, parameters[_REST_SPEED], parameters[_REST_TORQUE]))
 
 
 class Compensator(Protocol):

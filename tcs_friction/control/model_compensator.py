@@ -8,7 +8,8 @@ The terms are evaluated along the reference motion where it will be when the com
     compensation = command - J a_ref                       since the controller adds the inertia's part itself
 
 Each effect has a share from 0 to 1, which follows its switch over a stated time, so that torque never appears in a step, and
-a limit. Friction of the law itself always has share 1. Sensor terms are left to `position_correction`.
+a limit. Friction of the law itself always has share 1. Sensor terms are left to `position_correction`. Of the sum a share is
+commanded, which follows its setting as the effects' do; friction has a rest band (`compensator.rested`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from tcs_friction.control.compensator import rest_speed_setting, rest_torque_setting, rested, share_setting
 from tcs_friction.control.config_field import setting, texts, validate
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics.axis import Axis
@@ -54,9 +56,9 @@ LOOKS = 20_000  # places of a turn that are looked at for the largest torque
 SLOW = 1e-3  # rad/s
 
 # constants
-_DT, _LEAD, _RISE, _LIMIT, _ARREST = range(5)
+_DT, _LEAD, _RISE, _LIMIT, _ARREST, _SHARE, _REST_SPEED, _REST_TORQUE = range(8)
 # memory
-_PRIMED, _SPEED, _WANTED = range(3)
+_PRIMED, _SPEED, _WANTED, _SHARED = range(4)
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,9 @@ class CancellationConfig(SwitchConfig):
     total_limit: float = setting(1e12, "N m", 0.0, 1e12, "largest torque of the whole compensation")
     effect_limit: float = setting(1e12, "N m", 0.0, 1e12, "largest torque of each effect in it")
     effect_limits: tuple[str, ...] = texts("largest torque (N m) of single effects, NAME=LIMIT, instead of effect_limit")
+    share: float = share_setting()
+    rest_speed: float = rest_speed_setting()
+    rest_torque: float = rest_torque_setting()
 
     def validate(self, where: str = "cancellation") -> None:
         """Raises InputError naming every value that is out of its range or not a number."""
@@ -131,6 +136,7 @@ def compensate(m: Machine, plan: Plan, t: float, q_ref: float, v_ref: float, a_r
     shares, parts, constants, memory, motion = plan.shares, plan.parts, plan.constants, plan.memory, m.motion
     dt, first = constants[_DT], memory[_PRIMED] == 0.0
     follow(shares, plan.wanted, constants[_RISE], first)
+    follow(memory[_SHARED:], constants[_SHARE : _SHARE + 1], constants[_RISE], first)
     lead = constants[_LEAD]
     for d in range(len(plan.delays)):
         lead += shares[len(m.kernels) + d] * plan.delays[d]
@@ -144,7 +150,7 @@ def compensate(m: Machine, plan: Plan, t: float, q_ref: float, v_ref: float, a_r
     motion[ARREST] = constants[_ARREST] * velocity
     motion[TORQUE] = m.constants[MASS] * a_ref if first else memory[_WANTED]  # load-dependent friction: of the tick before
     memory[_PRIMED], memory[_SPEED] = 1.0, velocity
-    added = _friction(m, plan, dt)
+    added = rested(_friction(m, plan, dt), velocity, constants[_REST_SPEED], constants[_REST_TORQUE])
     for k in range(m.ends[2], m.ends[4]):
         before = motion[INERTIA]
         torque = call_term(m, k, dt)
@@ -157,7 +163,7 @@ def compensate(m: Machine, plan: Plan, t: float, q_ref: float, v_ref: float, a_r
         wanted = motion[TORQUE]
         parts[k] = _bounded(shares[k] * (call_term(m, k, dt) - wanted), plan.limits[k])
         motion[TORQUE] = wanted + parts[k]
-    return float(_bounded(motion[TORQUE] - rigid, constants[_LIMIT]))
+    return float(_bounded(memory[_SHARED] * (motion[TORQUE] - rigid), constants[_LIMIT]))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -220,25 +226,25 @@ class ModelCompensator:
         """What is cancelled, by name."""
         chosen = [item for item in model.terms if item is model.friction or self._cancels(item)]
         self._terms = [item for item in chosen if not item.term.alignment]
-        self._delays = [item for item in chosen if item.term.alignment]
-        acting = [
+        self.delays = [item for item in chosen if item.term.alignment]
+        self.acting = [
             replace(item, term=replace(item.term, kernel=item.term.inverse)) if item.term.inverse is not None else item
             for item in self._terms
         ]
-        self.machine = build(model, dt, signals=tuple(signals), terms=acting)
+        self.machine = build(model, dt, signals=tuple(signals), terms=self.acting)
         self._at_rest = self.machine.motion.copy()
         self._missing: frozenset[str] = frozenset()
         lead = model.actuation_delay + 0.5 * dt
-        delays = np.array([item.values[item.term.alignment] for item in self._delays])
+        delays = np.array([item.values[item.term.alignment] for item in self.delays])
         ahead = lead + float(delays.sum())
         if ahead > LONGEST_LEAD:
             expected = f"at most {1e3 * LONGEST_LEAD:g} ms, for which a reference is foretold"
             raise InputError(f"model {model.name}", f"it has to act {1e3 * ahead:.3g} ms ahead", expected)
-        count = len(self._terms) + len(self._delays)
-        constants = np.zeros(5)
+        count = len(self._terms) + len(self.delays)
+        constants = np.zeros(8)
         constants[[_DT, _LEAD, _ARREST]] = dt, lead, arrest_per_speed(self.machine, AT_REST)
         shares, wanted, limits, parts = np.zeros((4, count))
-        self.plan = Plan(shares, wanted, limits, parts, delays, constants, np.zeros(3))
+        self.plan = Plan(shares, wanted, limits, parts, delays, constants, np.zeros(4))
         self.configure(config or CancellationConfig())
         self.reset()
 
@@ -254,6 +260,7 @@ class ModelCompensator:
         self.config = config
         self.plan.constants[_RISE] = rise_per_tick(self.dt, config.entry_time)
         self.plan.constants[_LIMIT] = config.total_limit
+        self.plan.constants[_SHARE:] = config.share, config.rest_speed, config.rest_torque
         own = {item.identity: limits.get(name, config.effect_limit) for name, item in self.effects.items()}
         self.plan.limits[:] = [own.get(item.identity, math.inf) for item in self._all]
         self._switch()
@@ -284,7 +291,7 @@ class ModelCompensator:
 
     @property
     def _all(self) -> list[Instance]:
-        return [*self._terms, *self._delays]
+        return [*self._terms, *self.delays]
 
     @property
     def needs(self) -> Mapping[str, tuple[str, ...]]:

@@ -8,7 +8,7 @@ which finds the rest within a period.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
@@ -22,7 +22,19 @@ WIDTHS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Of bristles, as shares of the travel: from the finest that any bearing of a long axis shows to a soft cable."""
 PER_PERIOD = 2  # timings that are tried
 CHANCE = 1e-3  # probability that another timing explains so much more where the motion's own is right (likelihood ratio)
-RANK = 1e-9  # of the largest, below which columns are the same
+RANK = 1e-9  # of the largest, below which columns are the same, and of a torque's squares, which differences do not resolve
+
+
+@dataclass(frozen=True)
+class Lag:
+    """By how much later (s) than in a motion its torque acts, to half a period, as the inertia's torque tells.
+
+    told: whether that torque is large enough to tell any. better: whether it is another timing by more than chance.
+    """
+
+    late: float
+    told: bool
+    better: bool
 
 
 def likely_timing(motion: Motion) -> Timing:
@@ -30,6 +42,14 @@ def likely_timing(motion: Motion) -> Timing:
 
     It is told by the inertia's torque: without that, any timing is as good, and a controller's answers to disturbances decide.
     """
+    lag = likely_lag(motion)
+    if not (lag.told and lag.better):
+        return motion.timing
+    return replace(motion.timing, acts=motion.timing.acts + lag.late)
+
+
+def likely_lag(motion: Motion) -> Lag:
+    """The lag with which a motion's torque is explained best."""
     period = motion.grids[0].logged.period
     reach = max(LONGEST, 3.0 * period)
     per_sample = max(1, round(PER_PERIOD / (motion.rate * period)))
@@ -38,11 +58,9 @@ def likely_timing(motion: Motion) -> Timing:
     left, still = _left(motion, columns, lags, per_sample), _left(motion, columns[1:], lags, per_sample)
     best, here = int(np.argmin(left)), int(np.flatnonzero(lags == 0)[0])
     independent = 2.0 * motion.bandwidth * len(motion) / motion.rate
-    told = independent * np.log(np.maximum([left[here], still[best]], 1e-300) / max(left[best], 1e-300))
-    if told.min() < chi2.ppf(1.0 - CHANCE, 1):
-        return motion.timing
-    late = -float(lags[best]) / (motion.rate * per_sample)
-    return replace(motion.timing, acts=motion.timing.acts + late)
+    gained = independent * np.log(np.array([left[here], still[best]]) / left[best])
+    better, told = gained >= chi2.ppf(1.0 - CHANCE, 1)
+    return Lag(-float(lags[best]) / (motion.rate * per_sample), bool(told), bool(better))
 
 
 def _left(motion: Motion, columns: np.ndarray, lags: np.ndarray, per_sample: int) -> np.ndarray:
@@ -51,7 +69,7 @@ def _left(motion: Motion, columns: np.ndarray, lags: np.ndarray, per_sample: int
     for part in motion.stretches:
         own = _explained(columns[:, part], motion.torque[part], lags, per_sample)
         explained, energy = explained + own[0], energy + own[1]
-    return 1.0 - explained / energy
+    return np.maximum(1.0 - explained / energy, RANK)
 
 
 def _columns(motion: Motion) -> np.ndarray:
@@ -69,11 +87,12 @@ def _columns(motion: Motion) -> np.ndarray:
 def _explained(columns: np.ndarray, torque: np.ndarray, lags: np.ndarray, per_sample: int) -> tuple[np.ndarray, np.ndarray]:
     """(l,) Squares of a torque that columns (k, n) explain if it is moved by lags of 1/per_sample samples, and all of them."""
     reach, count = int(np.abs(lags).max()) // per_sample + 1, len(torque)
-    inside = slice(reach, count - reach)
+    inside, torque = slice(reach, count - reach), torque - torque.mean()
     if count - 2 * reach <= len(columns):
         return np.zeros(len(lags)), np.zeros(len(lags))
-    masked = np.zeros_like(columns)
-    masked[:, inside] = columns[:, inside]
+    masked, part = np.zeros_like(columns), columns[:, inside]
+    vary = np.ptp(part, axis=1) > 0.0  # the column of ones stays; without their means, the others are farther apart
+    masked[:, inside] = part - (part.mean(axis=1) * vary)[:, None]
     masked /= np.maximum(np.linalg.norm(masked, axis=1), 1e-300)[:, None]
     whitening = np.linalg.pinv(masked @ masked.T, rcond=RANK, hermitian=True)
     length = fft.next_fast_len(count, real=True)

@@ -91,6 +91,32 @@ class MujocoSimulator(Simulator):
         self._mujoco.mj_fullM(self._model, self._data, full)
         return float(full[self._dof, self._dof])
 
+    @property
+    def armature(self) -> float:
+        """The part of it that the model adds to the joint for a rotor, kg m^2."""
+        return float(self._model.dof_armature[self._dof])
+
+    def begin(self, position: float, velocity: float) -> None:
+        """Begin anew at a position (rad) and velocity (rad/s); all else is as at the start."""
+        mujoco, data = self._mujoco, self._data
+        _home(mujoco, self._model, data)
+        self.hold(position, velocity)
+        mujoco.mj_forward(self._model, data)
+        body = self.machine.body
+        self.machine.states[:] = 0.0
+        body[:] = 0.0
+        body[[compiled.TRUE_POSITION, compiled.MEASURED, compiled.LAST_MIDDLE]] = position
+        body[compiled.TRUE_VELOCITY] = velocity
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the joint is and how fast, rad and rad/s."""
+        return float(self._qpos[self._place]), float(self._qvel[self._dof])
+
+    def hold(self, position: float, velocity: float) -> None:
+        """Put the joint where it was measured; bristles and what else the model remembers go on."""
+        self._data.qpos[self._place], self._data.qvel[self._dof] = position, velocity
+
     def other_positions(self) -> tuple[float, ...]:
         """True positions of `other_joints`, rad or m."""
         return tuple(self._qpos[self._places].tolist())
@@ -186,7 +212,13 @@ def _without_servos(mujoco: Any, model: Any, chosen: int) -> tuple[str, ...]:
 def _at_home(mujoco: Any, model: Any) -> Any:
     """The engine's data where the model begins."""
     data = mujoco.MjData(model)
+    _home(mujoco, model, data)
+    return data
+
+
+def _home(mujoco: Any, model: Any, data: Any) -> None:
+    """Puts everything to where the model begins."""
+    mujoco.mj_resetData(model, data)
     home = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, HOME)
     if home >= 0:
         mujoco.mj_resetDataKeyframe(model, data, home)
-    return data

@@ -262,6 +262,8 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
         (["graph", "my.yaml", "--plant", "mujoco", "--joint", "elbow"], "mujoco"),
         (["simulate", "my.yaml", "--plant=mujoco"], "mujoco"),
         (["diagnose", "bag", "--axis", "my.yaml", "--against", "my.XML"], "mujoco"),
+        (["compare", "bag", "--axis", "my.yaml", "--with", "other.bag", "--with=my.xml"], "mujoco"),
+        (["export", "my.yaml", "--to", "mjcf", "-o", "out.xml"], "mujoco"),
         (["live", "my.yaml", "--port", "9000"], "live"),
         (["graph", "my.yaml", "--live"], "live"),
         (["graph", "my.yaml", "--plant", "mujoco", "--live"], "live mujoco"),

@@ -111,3 +111,27 @@ def test_bad_parameters_are_refused_and_change_nothing(config: CompensatorConfig
     with pytest.raises(InputError, match=found):
         compensator.configure(config)
     assert compensator.config == CONFIG
+
+
+def test_a_share_of_it_is_commanded() -> None:
+    whole, part = LugreCompensator(CONFIG, DT), LugreCompensator(replace(CONFIG, share=0.7), DT)
+    for k in range(500):
+        v = 1e-3 * math.sin(0.01 * k)
+        assert part.step(v, 0.0) == pytest.approx(0.7 * whole.step(v, 0.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", [LugreCompensator, StribeckFeedforward])
+def test_the_rest_band_bounds_friction_at_rest_and_leaves_it_from_its_speed_on(kind: type[LugreCompensator]) -> None:
+    band = replace(CONFIG, rest_speed=1e-3, rest_torque=5.0)
+    whole, banded = kind(CONFIG, DT), kind(band, DT)
+    speeds = np.concatenate([np.linspace(2e-3, 0.0, 2001), np.zeros(10)])
+    pairs = np.array([(whole.step(v, 0.0), banded.step(v, 0.0)) for v in speeds])
+    outside = speeds >= 1e-3
+    assert np.array_equal(pairs[outside, 0], pairs[outside, 1])
+    assert pairs[-1, 1] == min(pairs[-1, 0], 5.0)
+    assert np.abs(np.diff(pairs[:2000, 1])).max() < 0.2, "no step, but the last one that a law without memory has itself"
+
+
+def test_a_share_above_one_is_refused() -> None:
+    with pytest.raises(InputError, match=r"share.*from 0 to 1"):
+        replace(CONFIG, share=1.1).validate()

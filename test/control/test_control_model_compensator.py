@@ -132,6 +132,19 @@ def test_an_effect_enters_and_leaves_slowly() -> None:
     assert model.step(0.0, 0.0, 0.0, 0.0) == pytest.approx(0.5)
 
 
+def test_another_share_of_all_comes_slowly_and_the_rest_band_is_of_friction_alone() -> None:
+    axis = BARE.with_effect(item("torque_bias", bias=50.0))
+    model = ModelCompensator(axis, DT, CancellationConfig(share=0.5, rest_speed=1e-3, rest_torque=3.0, entry_time=0.1))
+    for _ in range(3000):
+        moving = model.step(0.0, 0.0, 0.01, 0.0)
+    assert moving == pytest.approx(0.5 * (50.0 + 78.1 + 5.72), rel=1e-6)
+    assert model.step(0.0, 0.0, 0.0, 0.0) == pytest.approx(0.5 * 53.0), "of a bristle still bent"
+    model.configure(CancellationConfig(rest_speed=1e-3, rest_torque=3.0, entry_time=0.1))
+    coming = [model.step(0.0, 0.0, 0.0, 0.0) for _ in range(60)]
+    assert np.max(np.diff(coming)) == pytest.approx(0.53)
+    assert coming[-1] == pytest.approx(53.0)
+
+
 def test_limits_hold_for_each_effect_and_for_all_of_them() -> None:
     axis = BARE.with_effect(item("torque_bias", bias=50.0)).with_effect(item("coulomb_asymmetry", asymmetry=0.5))
     model = ModelCompensator(axis, DT, CancellationConfig(effect_limit=10.0))
