@@ -7,7 +7,8 @@ along the motion without torque noise. Motion that the noise causes says nothing
 bound that takes it for known is 1.2 to 1.7 times too low there, and up to 1.08 times for the rest.
 
 Behind the +- stands by how much a number would scatter if the axes were drawn again. `--law` does the same with another friction
-law; the bound is then that of its fit, for Gaussian errors with the residual's own correlation.
+law; the bound is then that of its fit, for Gaussian errors with the residual's own correlation. `--axes scales` is another
+benchmark, `scale_accuracy.py`.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from benchmarks import law_axes
+from benchmarks import law_axes, scale_accuracy
 from benchmarks.law_axes import ENCODER
 from tcs_friction.commands.parser import positive
 from tcs_friction.config import default_control
@@ -46,9 +47,19 @@ RESAMPLINGS = 400
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--axes", type=positive, default=20, help="axes drawn at random")
+    parser.add_argument(
+        "--axes", type=_axes, default=20, metavar="N|scales",
+        help="how many of the shipped kind are drawn; scales: of all sizes and rates, by another simulator (scale_worlds.py)",
+    )  # fmt: skip
+    parser.add_argument("--worlds", type=positive, default=40, help="how many of all scales (default 40)")
+    parser.add_argument("--seed", type=int, default=1, help="of the worlds of all scales (default 1)")
     parser.add_argument("--recordings", type=positive, default=3, help="of each axis, with noise of its own")
     parser.add_argument("--law", default="lugre", choices=sorted(laws()), help="friction law (default lugre)")
+
+
+def _axes(word: str) -> int | None:
+    """A number of axes; None for those of all scales."""
+    return None if word == "scales" else positive(word)
 
 
 def draw(random: np.random.Generator) -> Axis:
@@ -188,6 +199,8 @@ def scatter(rows: np.ndarray, statistic: Callable[[np.ndarray], float]) -> float
 
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    if arguments.axes is None:
+        return scale_accuracy.run(arguments.seed, arguments.worlds)
     found, seconds = trials(arguments.axes, arguments.recordings, name=arguments.law)
     every = np.vstack(list(found.values()))
     results = [

@@ -40,8 +40,8 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _measured(period: float, directory: Path, swinging: Path) -> list[dict[str, Any]]:
-    from tcs_friction.nodes import scheduling
     from tcs_friction.nodes.axes import arguments_by_axis
+    from tcs_friction.nodes.core import scheduling
 
     scheduling.ask(scheduling.ALL)
     swinging.write_text(SWINGING)
@@ -77,8 +77,8 @@ class Altitude:
         from std_srvs.srv import Trigger
         from tcs_friction_msgs.msg import AxisReference
 
-        from tcs_friction.nodes.qos import COLLECT
-        from tcs_friction.nodes.steady import steady_timer
+        from tcs_friction.nodes.core.qos import COLLECT
+        from tcs_friction.nodes.core.steady import steady_timer
 
         self._states: dict[int, float] = {}
         self._wanted: dict[int, float] = {}

@@ -16,7 +16,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
 
-from tcs_friction.nodes.qos import LISTEN, PUBLISH
+from tcs_friction.nodes.core.qos import LISTEN, PUBLISH
 
 HEARD: dict[str, tuple[str, ...]] = {
     "plant": ("torque_command",),

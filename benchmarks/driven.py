@@ -104,9 +104,9 @@ def commission(
     import rclpy
     from rclpy.task import Future
 
-    from tcs_friction.nodes.commission import Commission
-    from tcs_friction.nodes.demo import drive_action
-    from tcs_friction.nodes.executor import close, make_executor, spin
+    from tcs_friction.nodes.commissioning.commission import Commission
+    from tcs_friction.nodes.core.executor import close, make_executor, spin
+    from tcs_friction.nodes.own_graph import drive_action
 
     rclpy.init(args=["bench", *arguments])
     executor, node, done = make_executor(), Commission(), Future()
@@ -136,8 +136,8 @@ def run_driver(make: Callable[[], Any], arguments: Sequence[str], over: Any, tol
     import rclpy
     from rclpy.task import Future
 
-    from tcs_friction.nodes.executor import close, make_executor, spin
-    from tcs_friction.nodes.steady import steady_timer
+    from tcs_friction.nodes.core.executor import close, make_executor, spin
+    from tcs_friction.nodes.core.steady import steady_timer
 
     rclpy.init(args=["driver", *arguments])
     executor, node, done = make_executor(), make(), Future()

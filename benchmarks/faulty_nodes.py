@@ -124,7 +124,7 @@ class Loop:
 
 def run_node(name: str, seed: int, words: Path, given: Sequence[str]) -> None:
     """In a process of its own: one node, of the loop with a faulty publisher; `words` is the file that it complains in."""
-    from tcs_friction.nodes.executor import run
+    from tcs_friction.nodes.core.executor import run
     from tcs_friction.nodes.graph import factory
 
     def make() -> Any:
@@ -184,8 +184,8 @@ class _Truthful(Faulty):
     def __init__(self, node: Any, publisher: Any, chance: random.Random) -> None:
         from sensor_msgs.msg import JointState
 
-        from tcs_friction.nodes.qos import PUBLISH
-        from tcs_friction.nodes.wire import JointWire
+        from tcs_friction.nodes.core.qos import PUBLISH
+        from tcs_friction.nodes.core.wire import JointWire
 
         super().__init__(node, publisher, chance)
         self._truth = node.create_publisher(JointState, self.topic, PUBLISH)
@@ -216,7 +216,7 @@ class _TruthfulReference(_Truthful):
     topic = TRUE_REFERENCE
 
     def numbers(self, data: bytes) -> tuple[int, float, float, float]:
-        from tcs_friction.nodes.wire import REFERENCE
+        from tcs_friction.nodes.core.wire import REFERENCE
 
         stamp, (position, speed, _) = REFERENCE.read(data)
         return stamp, position, speed, self._node._state.position

@@ -24,12 +24,11 @@ class Watch(Listening):
         from sensor_msgs.msg import JointState
         from std_srvs.srv import Trigger
 
-        from tcs_friction.config import load_axis
+        from tcs_friction.config import control_of, load_axis
         from tcs_friction.control.plausible import motion_limits
-        from tcs_friction.nodes.base import control_of
-        from tcs_friction.nodes.files import DEFAULT_AXIS, config_file
-        from tcs_friction.nodes.qos import COLLECT
-        from tcs_friction.nodes.wire import JointWire
+        from tcs_friction.nodes.core.files import DEFAULT_AXIS, config_file
+        from tcs_friction.nodes.core.qos import COLLECT
+        from tcs_friction.nodes.core.wire import JointWire
 
         file = load_axis(config_file(DEFAULT_AXIS))
         self._limits = control_of(file).controller

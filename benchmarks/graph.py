@@ -98,7 +98,7 @@ def _measure(kind: str, names: Sequence[str], ticks: int, model: Path, result: C
     """In a process of its own: run some nodes; the one with the plant sends the rate."""
     import rclpy
 
-    from tcs_friction.nodes.executor import make_executor, spin
+    from tcs_friction.nodes.core.executor import make_executor, spin
 
     rclpy.init(args=["bench", *_ros_arguments(kind, model)])
     executor = make_executor()

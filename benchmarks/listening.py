@@ -52,7 +52,7 @@ class Listening:
         """Call `heard(name, report)` for every report of a node; the name without its namespace."""
         from diagnostic_msgs.msg import DiagnosticArray
 
-        from tcs_friction.nodes.qos import COLLECT
+        from tcs_friction.nodes.core.qos import COLLECT
 
         def on_diagnostics(message: Any) -> None:
             for status in message.status:

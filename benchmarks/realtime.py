@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Rows for each rate, place and load: latency, jitter and growth of memory."""
-    from tcs_friction.nodes import scheduling
+    from tcs_friction.nodes.core import scheduling
 
     rates = [_rate(word) for word in arguments.rates.split(",")]
     places, loads = _chosen("--places", arguments.places, PLACES), _chosen("--loads", arguments.loads, LOADS)
@@ -253,10 +253,10 @@ def _answer(names: Sequence[str], rate: float, warm_up: float, over: Any, result
     import rclpy
     from rclpy.task import Future
 
-    from tcs_friction.nodes import scheduling
-    from tcs_friction.nodes.executor import make_executor, spin
+    from tcs_friction.nodes.core import scheduling
+    from tcs_friction.nodes.core.executor import make_executor, spin
+    from tcs_friction.nodes.core.steady import steady_timer
     from tcs_friction.nodes.graph import arguments_for, factory
-    from tcs_friction.nodes.steady import steady_timer
 
     granted = scheduling.prepare()
     words = ["-p", "clock:=real_time", "-p", f"period:={1.0 / rate!r}", "-p", "switch1:=true", "-p", "switch3:=true"]
@@ -290,8 +290,8 @@ def _pair() -> Any:
     from sensor_msgs.msg import JointState
     from tcs_friction_msgs.msg import AxisTorque
 
-    from tcs_friction.nodes.qos import LISTEN, PUBLISH_IN_REAL_TIME
-    from tcs_friction.nodes.wire import TORQUE, JointWire
+    from tcs_friction.nodes.core.qos import LISTEN, PUBLISH_IN_REAL_TIME
+    from tcs_friction.nodes.core.wire import TORQUE, JointWire
 
     node = rclpy.create_node("pair", namespace="azimuth")
     publisher, wire = node.create_publisher(AxisTorque, "torque_command", PUBLISH_IN_REAL_TIME), JointWire("azimuth")
@@ -310,9 +310,9 @@ class Driver:
         from sensor_msgs.msg import JointState
         from tcs_friction_msgs.msg import AxisTorque
 
-        from tcs_friction.nodes.qos import LISTEN, PUBLISH_IN_REAL_TIME
-        from tcs_friction.nodes.steady import steady_timer
-        from tcs_friction.nodes.wire import JointWire
+        from tcs_friction.nodes.core.qos import LISTEN, PUBLISH_IN_REAL_TIME
+        from tcs_friction.nodes.core.steady import steady_timer
+        from tcs_friction.nodes.core.wire import JointWire
 
         self.node = rclpy.create_node("driver", namespace="azimuth")
         self.done = Future()
@@ -339,7 +339,7 @@ class Driver:
         self._publisher.publish(state)
 
     def _on_command(self, data: bytes) -> None:
-        from tcs_friction.nodes.wire import TORQUE
+        from tcs_friction.nodes.core.wire import TORQUE
 
         now = time.perf_counter()
         if self._ticks < 0:
@@ -357,8 +357,8 @@ def _drive(rate: float, seconds: float, warm_up: float, result: Connection) -> N
     """In a process of its own: the driver."""
     import rclpy
 
-    from tcs_friction.nodes import scheduling
-    from tcs_friction.nodes.executor import make_executor, spin
+    from tcs_friction.nodes.core import scheduling
+    from tcs_friction.nodes.core.executor import make_executor, spin
 
     scheduling.prepare()
     rclpy.init(args=["bench"])

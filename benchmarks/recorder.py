@@ -24,7 +24,7 @@ from tcs_friction.errors import JobError
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
-RECORDER = "import sys; from tcs_friction.nodes.recorder import main; sys.exit(main())"
+RECORDER = "import sys; from tcs_friction.nodes.bags.recorder import main; sys.exit(main())"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -34,9 +34,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from tcs_friction.nodes.convert import set_stamp
-from tcs_friction.nodes.files import DEFAULT_AXIS, axis_file
-from tcs_friction.nodes.qos import LATCHED
+from tcs_friction.nodes.core.convert import set_stamp
+from tcs_friction.nodes.core.files import DEFAULT_AXIS, axis_file
+from tcs_friction.nodes.core.qos import LATCHED
 from tcs_friction.physics.simulate import Simulator
 
 URDF = """<robot name="arm">

@@ -15,8 +15,8 @@ from lifecycle_msgs.msg import Transition
 
 from launch import Action, LaunchContext, LaunchDescription
 from tcs_friction.control.reference import load_reference
-from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME
-from tcs_friction.nodes.files import config_file
+from tcs_friction.nodes.core.base import LOCK_STEP, REAL_TIME
+from tcs_friction.nodes.core.files import config_file
 
 NODES = (
     "plant",

@@ -2,7 +2,7 @@
 
     axis:     name, kind, inertia, actuation_delay, friction, effects; sensors and drive for an axis that is simulated
     signals:  where the signals are in a bag (see recording.signals)
-    control:  controller, observer, compensator, loop (see control)
+    control:  controller, observer, compensator, loop (see control), limits (see control.torque_gate)
 
 Unknown keys are refused with the nearest valid one.
 """
@@ -25,6 +25,7 @@ from tcs_friction.control.loop import LoopConfig
 from tcs_friction.control.observer import NominalPlant
 from tcs_friction.control.observer_settings import ObserverSettings
 from tcs_friction.control.pid import PidConfig
+from tcs_friction.control.torque_gate import TorqueLimits
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
@@ -50,6 +51,12 @@ class Control:
     observer: ObserverSettings = field(default_factory=ObserverSettings)
     compensator: CompensatorConfig = field(default_factory=CompensatorConfig)
     loop: LoopConfig = field(default_factory=LoopConfig)
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """Those of `torque_gate.TorqueLimits` that the file states, by name."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The `control:` block that `parse_control` reads back."""
+        return {name: dict(part) for name, part in asdict(self).items() if part}
 
 
 def default_control(axis: Axis, period: float = LoopConfig.period) -> Control:
@@ -109,6 +116,11 @@ class AxisFile:
         if self.signals is None:
             raise InputError(str(where), "no signals block", "signals: {position: ..., torque: ...}")
         return self.signals
+
+
+def control_of(file: AxisFile) -> Control:
+    """How an axis file says to control its axis, or a cautious way where it does not say."""
+    return file.control or default_control(file.axis)
 
 
 def shipped(name: str, folder: str = "config") -> Path:
@@ -191,11 +203,14 @@ def parse_control(value: object, where: str = "control") -> Control:
         "observer": ObserverSettings,
         "compensator": CompensatorConfig,
         "loop": LoopConfig,
+        "limits": TorqueLimits,
     }
     parts = {
         name: from_mapping(kinds[name], mapping(part, f"{where}: {name}"), f"{where}: {name}")
         for name, part in block.items()
     }
+    if "limits" in parts:
+        parts["limits"] = {name: getattr(parts["limits"], name) for name in block["limits"]}
     return Control(**parts)
 
 
@@ -323,7 +338,7 @@ def axis_file_mapping(file: AxisFile) -> dict[str, Any]:
     if file.signals is not None:
         content["signals"] = file.signals.to_mapping()
     if file.control is not None:
-        content["control"] = {name: dict(part) for name, part in asdict(file.control).items()}
+        content["control"] = file.control.to_mapping()
     return content
 
 

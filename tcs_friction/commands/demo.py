@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> None:
     check_plant(arguments)
     mujoco = (arguments.model, arguments.joint) if arguments.plant == MUJOCO else None
     try:
-        from tcs_friction.nodes.demo import commission
+        from tcs_friction.nodes.own_graph import commission
     except ModuleNotFoundError as error:
         raise InputError("demo", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     if arguments.output.exists() and any(arguments.output.iterdir()):

@@ -9,6 +9,7 @@ tcs-friction fleet report OUT: what changed, when and why.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import sys
 from contextlib import AbstractContextManager
@@ -53,12 +54,10 @@ def run(arguments: argparse.Namespace) -> None:
     """Find, work, say what was done."""
     if arguments.workers and arguments.scheduler:
         raise InputError("--workers", "given with --scheduler", "one of the two")
-    try:
-        import distributed  # noqa: F401
-        import fsspec  # noqa: F401
-    except ImportError as error:
-        missing = f"needs the package {error.name}"
-        raise JobError("fleet", missing, "./tcs fleet, which installs it, or pip install 'tcs_friction[fleet]'") from None
+    for name in ("distributed", "fsspec"):
+        if importlib.util.find_spec(name) is None:
+            how = "./tcs fleet, which installs it, or pip install 'tcs_friction[fleet]'"
+            raise JobError("fleet", f"needs the package {name}", how)
     from tcs_friction.fleet.axes import read_axes
     from tcs_friction.fleet.plan import Plan
     from tcs_friction.fleet.sources import find

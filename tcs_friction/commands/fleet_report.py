@@ -7,6 +7,7 @@ does; 2: bad input.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 from datetime import UTC, datetime
 from pathlib import Path
@@ -73,20 +74,11 @@ def storage(out: str) -> tuple[Any, str]:
         if not Path(out).is_dir():
             raise InputError(out, "is no folder", "the OUT of ./tcs fleet PATHS... -o OUT")
         return None, out
-    try:
-        from fsspec.core import url_to_fs
-    except ImportError:
-        raise InputError(out, "URLs need the package fsspec", "./tcs fleet, which installs it") from None
-    from pyarrow.fs import FSSpecHandler, PyFileSystem
+    if importlib.util.find_spec("fsspec") is None:
+        raise InputError(out, "URLs need the package fsspec", "./tcs fleet, which installs it")
+    from tcs_friction.fleet.elsewhere import storage_of
 
-    try:
-        found, path = url_to_fs(out)
-        there = found.exists(f"{path.rstrip('/')}/rows")
-    except Exception as error:  # a plug-in for each kind of storage raises its own
-        raise InputError(out, f"cannot be opened ({error})", "a URL that fsspec knows") from None
-    if not there:
-        raise InputError(out, "holds no results of a fleet", "the OUT of ./tcs fleet PATHS... -o OUT")
-    return PyFileSystem(FSSpecHandler(found)), path
+    return storage_of(out)
 
 
 def day_of(word: str) -> float:

@@ -50,7 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
     keep_logs()
     announce_compiling()
     try:
-        from tcs_friction.nodes import axes, graph, scheduling
+        from tcs_friction.nodes import axes, graph
+        from tcs_friction.nodes.core import scheduling
     except ModuleNotFoundError as error:
         raise InputError("graph", f"needs ROS 2 ({error})", "./tcs on a machine with a C and a C++ compiler") from None
     driven = ["-p", "simulated:=false"] if arguments.no_plant else []

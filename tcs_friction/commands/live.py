@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import os
 import subprocess
 import sys
@@ -56,20 +57,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 def check_packages() -> None:
     """Raises InputError where what the page is served with is not installed."""
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
-    except ModuleNotFoundError as error:
-        how = "./tcs live, which installs it, or pip install -r requirements/live.txt"
-        raise InputError("live", f"needs a package that is not installed ({error.name})", how) from None
+    for name in ("starlette", "uvicorn", "websockets"):
+        if importlib.util.find_spec(name) is None:
+            how = "./tcs live, which installs it, or pip install -r requirements/live.txt"
+            raise InputError("live", f"needs a package that is not installed ({name})", how)
 
 
 @contextlib.contextmanager
 def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int) -> Iterator[None]:
     """The page of a graph that runs in the block, in a process of its own that is not real-time. It ends with the block."""
+    from tcs_friction.nodes.core.scheduling import ASKED
     from tcs_friction.nodes.graph import end_with_parent
-    from tcs_friction.nodes.scheduling import ASKED
 
     given = [word.partition(":=")[2] for word in ros_arguments if word.startswith("results:=")]
     words = [*axes, "--port", str(port), *(["--results", given[-1]] if given else []), *ros_arguments]

@@ -7,7 +7,8 @@ differ too, so a recording has one number for all of that:
 
 A command that is logged when it is given has acts = 0 (`from_stamp`); a torque that is logged when its tick is over has minus
 one period (`up_to_stamp`). A momentary value of a torque that changes more often than it is logged is no hold: between samples it
-is nearest to a line (`Between.LINE`), which passes through the logged value in the middle of the period that a hold would have.
+is nearest to a smooth line (`Between.LINE`), which passes through the logged value in the middle of the period that a hold would
+have.
 
 The mean of a held torque over any span follows from its integral, which is exact for any stamps, any `acts` and any clock:
 
@@ -25,12 +26,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator, PPoly
+from scipy.ndimage import uniform_filter1d
 
 Array = NDArray[np.float64]
 
 MOSTLY = 0.95  # of the steps between changes, that must be whole multiples of a number of samples for values to be stale between
 MOST_LOST = 3  # values in a row, between which a line says more than the last one
 FEWEST_CHANGES = 20  # of a torque, before anything is said about how often it is fresh
+AROUND = 5  # values on either side, over which a torque changes alike
 
 
 class Between(Enum):
@@ -44,6 +48,8 @@ class Between(Enum):
 class LoggedTorque:
     """Torque of one stretch as it was logged: stamps t (m,), s, strictly increasing; values (m,), N m; period: usual step, s.
 
+    lost (m,): 1 where a value was not logged and others stand for it, else 0.
+
     Before the first value acts the torque is taken to have been that value, and after the last to have stayed.
     """
 
@@ -51,28 +57,34 @@ class LoggedTorque:
     values: Array
     period: float
     between: Between = Between.HELD
+    lost: Array | None = None
 
     @cached_property
-    def _knots(self) -> tuple[Array, Array, Array, Array]:
-        """Value and slope of each piece (m,), I and L where each begins."""
+    def _held(self) -> tuple[Array, Array]:
+        """I and L where each value begins to act (m,)."""
         steps = np.diff(self.t)
-        slopes = np.zeros(len(self.t))
-        if self.between is Between.LINE:
-            slopes[:-1] = np.diff(self.values) / steps
-        u, r = self.values[:-1], slopes[:-1]
-        impulse = np.concatenate([[0.0], np.cumsum(u * steps + 0.5 * r * steps**2)])
-        lever = np.cumsum(impulse[:-1] * steps + 0.5 * u * steps**2 + r * steps**3 / 6.0)
-        return self.values, slopes, impulse, np.concatenate([[0.0], lever])
+        impulse = np.concatenate([[0.0], np.cumsum(self.values[:-1] * steps)])
+        lever = np.cumsum(impulse[:-1] * steps + 0.5 * self.values[:-1] * steps**2)
+        return impulse, np.concatenate([[0.0], lever])
+
+    @cached_property
+    def _curve(self) -> tuple[PPoly, PPoly]:
+        """I and L of a cubic through the values that does not swing beside a step (Akima 1970)."""
+        curve = Akima1DInterpolator(self.t, self.values)
+        return curve.antiderivative(1), curve.antiderivative(2)
 
     def integrals(self, at: Array, acts: float) -> tuple[Array, Array]:
         """I and L (k,) at times (k,), s, in N m s and N m s^2."""
-        values, slopes, impulse, lever = self._knots
-        late = acts + 0.5 * self.period if self.between is Between.LINE else acts
-        piece = np.maximum(np.searchsorted(self.t, at - late, side="right") - 1, 0)
-        x = at - late - self.t[piece]
-        u, r = values[piece], np.where(x > 0.0, slopes[piece], 0.0)
-        first = impulse[piece] + x * (u + 0.5 * r * x)
-        return first, lever[piece] + x * (impulse[piece] + x * (0.5 * u + r * x / 6.0))
+        if self.between is Between.HELD:
+            impulse, lever = self._held
+            piece = np.maximum(np.searchsorted(self.t, at - acts, side="right") - 1, 0)
+            x, u = at - acts - self.t[piece], self.values[piece]
+            return impulse[piece] + x * u, lever[piece] + x * (impulse[piece] + x * 0.5 * u)
+        late = at - acts - 0.5 * self.period
+        inside = np.clip(late, self.t[0], self.t[-1])
+        first, second = (curve(inside) for curve in self._curve)
+        x, u = late - inside, np.where(late > self.t[0], self.values[-1], self.values[0])
+        return first + x * u, second + x * (first + x * 0.5 * u)
 
     def pushes(self, edges: Array, acts: float) -> tuple[Array, Array]:
         """Torque over the spans between edges (k + 1,), s: its mean (k,), and the constant one (k,) that moves as far."""
@@ -83,6 +95,15 @@ class LoggedTorque:
     def values_at(self, at: Array) -> Array:
         """(k,) the last value logged at or before each time, s."""
         return np.asarray(self.values[np.maximum(np.searchsorted(self.t, at + 1e-9, side="right") - 1, 0)])
+
+    @cached_property
+    def roughness(self) -> Array:
+        """(m,) rms by which values about each lie off the line between their neighbours; of held ones, where they were lost."""
+        off = np.convolve(np.pad(self.values, 1, mode="edge"), [-0.5, 1.0, -0.5], mode="valid")
+        rough = np.sqrt(np.maximum(uniform_filter1d(off**2, 2 * AROUND + 1, mode="nearest"), 0.0))
+        if self.between is Between.LINE:
+            return np.asarray(rough)
+        return np.zeros(len(rough)) if self.lost is None else rough * self.lost
 
     def drawn(self, between: Between) -> LoggedTorque:
         """The same with another idea of what is between; a line passes through fresh values only."""
@@ -107,7 +128,8 @@ def logged(t: Array, values: Array) -> LoggedTorque:
     first = np.append(np.repeat(np.arange(len(steps)), lost + 1), len(steps))
     after = np.minimum(first + 1, len(steps))
     full = t[first] + share * (t[after] - t[first])
-    return LoggedTorque(full, values[first] + share * (values[after] - values[first]), period)
+    filled = values[first] + share * (values[after] - values[first])
+    return LoggedTorque(full, filled, period, lost=(share > 0.0).astype(np.float64))
 
 
 def stale_stride(values: Array) -> int:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
 
 from tcs_friction.errors import InputError, nearest
@@ -167,3 +167,32 @@ def _number(value: object) -> object:
         return float(value) if isinstance(value, str) else value
     except ValueError:
         return value
+
+
+def flatten(config: Any, prefix: str = "") -> dict[str, tuple[Setting, Any]]:
+    """Every setting of a configuration with its value, by parameter name; nested ones are `part.name`."""
+    flat = {prefix + entry.name: (entry, getattr(config, entry.name)) for entry in settings(config)}
+    for name in parts(config):
+        flat.update(flatten(getattr(config, name), f"{prefix}{name}."))
+    return flat
+
+
+def changed(config: Config, changes: Mapping[str, Any]) -> Config:
+    """The configuration with the named settings changed; whole numbers serve where numbers are meant."""
+    own: dict[str, Any] = {}
+    for entry in settings(config):
+        if entry.name in changes:
+            value = changes[entry.name]
+            own[entry.name] = _as_declared(entry, value)
+    for part in parts(config):
+        inner = {name.partition(".")[2]: value for name, value in changes.items() if name.startswith(f"{part}.")}
+        if inner:
+            own[part] = changed(getattr(config, part), inner)
+    return cast(Config, replace(cast(Any, config), **own))
+
+
+def _as_declared(entry: Setting, value: Any) -> Any:
+    """A whole number serves where a number is meant, and an empty list is [""], for ROS gives an empty one no type."""
+    if isinstance(entry.default, tuple) and isinstance(value, list | tuple):
+        return tuple(item for item in value if item != "")
+    return float(value) if isinstance(entry.default, float) and type(value) is int else value

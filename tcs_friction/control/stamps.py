@@ -7,7 +7,8 @@ before if its stamp is newer, by no more than the time that has passed, and its 
 the speed that is reported and the acceleration that the axis is capable of. What does not follow is refused, unless it goes
 on like that for `patience` seconds: then the clock or the position was set anew, and a new run begins there. The first message
 of all is judged like that as well. A stray message, an older stamp or a second publisher's clock therefore never restart
-anything, and a driver that was restarted is believed after a moment.
+anything, and a driver that was restarted is believed after a moment. A message that comes twice or too late is passed over
+while others are being made sure of; only when nothing has followed those for `patience` seconds do others take their place.
 
 What answers a state has that state's stamp. An answer with the stamp of no young state comes from a stranger.
 """
@@ -107,13 +108,20 @@ class FollowRule:
         if self._before and not objection:
             self._accept(self._before, heard)
             return Step.NEXT
-        doubtful, self._doubtful = self._doubtful, heard
-        if doubtful is None or self._objection(doubtful, heard):
+        self.reason = objection
+        doubtful = self._doubtful
+        if doubtful is not None and heard.stamp <= doubtful.stamp and heard.at - doubtful.at < self._patience:
+            if (heard.stamp, heard.position) != (doubtful.stamp, doubtful.position):
+                self.reason = objection or self._objection(doubtful, heard)
+            return Step.REFUSED
+        self._doubtful = heard
+        against = "" if doubtful is None else self._objection(doubtful, heard)
+        if doubtful is None or against:
             self._doubtful_since = heard.at
+            self.reason = objection or against
         elif heard.at - self._doubtful_since >= self._patience:
             self._accept(doubtful, heard)
             return Step.NEW_RUN
-        self.reason = objection
         return Step.REFUSED
 
     def _accept(self, before: _Heard, heard: _Heard) -> None:

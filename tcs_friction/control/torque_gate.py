@@ -53,11 +53,13 @@ class Verdict(NamedTuple):
     """The torque to apply (N m).
 
     doubt: why it is zero or on its way there, "" when nothing is. limited: why a command does not act that way.
+    exceeded: whether speed or travel is beyond its limit, whatever is commanded.
     """
 
     torque: float
     doubt: str = ""
     limited: str = ""
+    exceeded: bool = False
 
 
 class TorqueGate:
@@ -113,7 +115,7 @@ class TorqueGate:
         torque = min(max(self._torque, -limit), limit)
         way, limited = (self._up, above) if torque > 0.0 else (self._down, below)
         share = min(self._share.value, way.value)
-        return Verdict(torque * share, doubt, limited if torque and self._share.value else "")
+        return Verdict(torque * share, doubt, limited if torque and self._share.value else "", bool(above or below))
 
     def _turn(self, way: Ramp, against: str, elapsed: float) -> None:
         """Torque one way: none as soon as something is against it."""

@@ -50,7 +50,7 @@ def judge(
 
     `polish` False leaves the numbers where the search put them and only judges. `unshown`: what the search found undetermined.
     """
-    reasons: dict[int, str] = _beforehand(problem, space) | dict(unshown)
+    reasons: dict[int, str] = beforehand(problem, space) | dict(unshown)
     unknowns = with_sliding_states(problem, unknowns)
     evaluations = 0
     size = float(np.std(problem.target)) or 1.0
@@ -72,7 +72,7 @@ def judge(
         if not more:
             break
         reasons.update(more)
-        reasons.update(_companions(problem, reasons))
+        reasons.update(companions(problem, reasons))
     names = problem.names
     if "static" in names and names.index("static") in reasons and "static" not in believed:
         unknowns[names.index("static")] = unknowns[names.index("coulomb")]
@@ -91,7 +91,7 @@ def _states_only(problem: Problem, space: Space) -> Space:
     return space.holding(np.arange(len(space.free)) < problem.states_index)
 
 
-def _beforehand(problem: Problem, space: Space) -> dict[int, str]:
+def beforehand(problem: Problem, space: Space) -> dict[int, str]:
     """What the motion rules out without a fit."""
     reasons: dict[int, str] = {}
     motion, names = problem.motion, problem.names
@@ -151,7 +151,7 @@ def _without_drop(problem: Problem, unknowns: np.ndarray, reasons: Mapping[int, 
     return trials[int(np.argmin(costs))]
 
 
-def _companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:
+def companions(problem: Problem, reasons: Mapping[int, str]) -> dict[int, str]:
     """What means nothing without its companion: a drop without its velocity, damping without stiffness."""
     names = problem.names
     drop = [p.name for p in problem.axis.friction.term.parameters if p.feature is Feature.STRIBECK]

@@ -147,6 +147,15 @@ class Fine:
                 moving[part] -= known
         return means, moving
 
+    def rough(self, walk: Walked) -> np.ndarray:
+        """(q,) N m by which the log changes about each step of a walk; steps of one sample share its square."""
+        rough = np.empty(len(walk.begins))
+        for (first, last), source in zip(itertools.pairwise(self.samples.bounds), self.samples.source, strict=True):
+            part, log = slice(walk.firsts[first], walk.firsts[last]), self.logs[source]
+            rough[part] = np.interp(walk.begins[part] - self.acts - self.delay, log.t, log.roughness)
+        parts = np.diff(walk.firsts)
+        return np.asarray(rough * np.sqrt(np.repeat(parts, parts)))
+
 
 @dataclass(frozen=True, eq=False)
 class Walked:

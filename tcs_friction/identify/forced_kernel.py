@@ -24,6 +24,7 @@ def predict(
     steps: Any,
     pushes: Any,
     moves: Any,
+    rough: Any,
     row: Any,
     friction: Any,
     law: Any,
@@ -36,14 +37,16 @@ def predict(
     """One-step errors of prediction and their variances for each candidate.
 
     position (n,) rad, bounds (s + 1,) of the stretches, steps (n,) s from each sample to the next, pushes (l, n) mean torque N m
-    over each, by several timings, moves (l, n) the constant torque that moves as far, row (m,) which of them a candidate has,
+    over each, by several timings, moves (l, n) the constant torque that moves as far, rough (n,) N m by which
+    the torque changes about there, row (m,) which of them a candidate has,
     friction (l, n) N m at each sample for several laws, law (m,) which of them a candidate has, velocity (n,) rad/s that the
-    friction was computed with, slope (n,) N m s/rad of friction by velocity, candidates (m, 6): inertia, offset N m, rate 1/s
-    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms).
+    friction was computed with, slope (n,) N m s/rad of friction by velocity, candidates (m, 7): inertia, offset N m, rate 1/s
+    and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms), share of the
+    changes that the log misses.
     Out (m, n): errors in rad, variances in rad^2.
     """
     for m in prange(len(candidates)):
-        inertia, offset, rate, size, encoder, drift = candidates[m]
+        inertia, offset, rate, size, encoder, drift, missed = candidates[m]
         noise, wander = encoder * encoder, drift * drift
         pull, driven, moved = friction[law[m]], pushes[row[m]], moves[row[m]]
         keep, stay, last_dt = 1.0, 1.0, 0.0
@@ -84,9 +87,10 @@ def predict(
                     v1 * vw + v2 * ww + v3 * wd,
                     v1 * vd + v2 * wd + v3 * dd,
                 )
-                xx += x1 * xv + half * (xw + xd) + x1 * tv + half * (tw + td)
-                xv = v1 * tv + v2 * tw + v3 * td
-                vv = v1 * uv + v2 * uw + v3 * ud + power * dt * dt / 3.0
+                unknown = (missed * rough[i] / inertia) ** 2
+                xx += x1 * xv + half * (xw + xd) + x1 * tv + half * (tw + td) + half * half * unknown
+                xv = v1 * tv + v2 * tw + v3 * td + half * v3 * unknown
+                vv = v1 * uv + v2 * uw + v3 * ud + power * dt * dt / 3.0 + v3 * v3 * unknown
                 xw, xd, vw, vd = keep * tw, stay * td, keep * uw + 0.5 * power * dt, stay * ud
                 ww, wd = keep * keep * ww + power, keep * stay * wd
                 dd = stay * stay * dd + wander * (1.0 - stay * stay)

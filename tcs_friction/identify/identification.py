@@ -14,12 +14,14 @@ from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
 from tcs_friction.identify.cost import AnyCost, Box, LuGreCost, SearchCost, ShapeCost
-from tcs_friction.identify.determined import Verdicts, judge
+from tcs_friction.identify.determined import Verdicts, beforehand, companions, judge
 from tcs_friction.identify.extended_law import search_extended
+from tcs_friction.identify.fine import Fine
 from tcs_friction.identify.linear_balance import likely_inertia
 from tcs_friction.identify.minimum import End, end_of_search
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.operators import SwarmOptions
+from tcs_friction.identify.owed import DROP
 from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
@@ -39,6 +41,7 @@ from tcs_friction.recording.mending import mendings
 from tcs_friction.recording.recording import Recording
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
+OCTAVE = 0.5  # of the low pass' frequency: what swings faster than that loses its phase
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 COLOURED = "errors of prediction are not white: the model lacks something, and its numbers stand for that, too"
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
@@ -208,6 +211,8 @@ def _attempt(task: _Task, motion: Motion) -> _Found:
     if sharp is None and motion.bandwidth > 0.0:
         if isinstance(problem.model, AnyModel):
             shifts.append(_shifted(pose(axis, resmoothed(motion, WIDER * motion.bandwidth)), verdicts, loss))
+        elif CONTRADICTED in verdicts.notes:  # what the low pass takes from a bristle's motion, a narrower one takes more of
+            shifts.append(_shifted(pose(axis, resmoothed(motion, motion.bandwidth / WIDER)), verdicts, loss))
         if task.free_timing:
             unsure = motion.grids[0].logged.period / math.sqrt(12.0)  # of what may be anywhere within a period
             later = timed(motion, replace(motion.timing, acts=motion.timing.acts + unsure))
@@ -338,25 +343,61 @@ def _for_dimensions(count: int) -> SwarmOptions:
 def _sharpened(
     problem: Problem, verdicts: Verdicts, space: Space, loss: str, cancel: Callable[[], bool]
 ) -> tuple[Verdicts, Sharpened | None]:
-    """The fit of predictions, where it can be made and does not contradict that of torques."""
+    """The fit of predictions, where it can be made and does not contradict that of torques.
+
+    Where bristles swing about as fast as the low pass lets through, it bends what a model makes of the motion: what sound
+    predictions leave of the torque is the disturbance they need.
+    """
     fine, size = problem.fine, problem.states_index
     unknowns, counted = verdicts.refined.unknowns.copy(), verdicts.refined.weights > 0.0
     before = rms(verdicts.refined.residual[counted])
     if fine is None or before < NOISELESS * float(np.std(problem.target)):
         return verdicts, None
-    held = ~verdicts.space.free & (np.arange(len(unknowns)) != problem.lateness_index)
-    space = space.holding(held)
-    sharp = sharpen(fine, unknowns[:size], space.first(size), before, loss, cancel)
+    sharp, held = _predicted(fine, problem, verdicts, space, before, loss, cancel)
     if sharp is None:
         return verdicts, None
+    space = space.holding(held)
     unknowns[:size] = sharp.unknowns[:size]
     refined = refit(problem, unknowns, space.holding(np.arange(len(unknowns)) < size), loss, VALLEY_STEPS)
-    residual = refined.residual
-    if not rms(residual[counted]) < WORSE * before:
+    bent = sharp.sound and sharp.aim.swing > OCTAVE * 2.0 * math.pi * problem.motion.bandwidth
+    left = sharp.disturbance(problem.motion.bandwidth) if bent else rms(refined.residual[counted])
+    if not left < WORSE * before:
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
-    notes = verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED)
-    evaluations = verdicts.evaluations + sharp.evaluations
-    return replace(verdicts, refined=refined, space=space, evaluations=evaluations, notes=notes), sharp
+    freed = ~held & ~verdicts.space.free
+    reasons = {k: reason for k, reason in verdicts.reasons.items() if not freed[k] or k >= problem.lateness_index}
+    return replace(
+        verdicts, refined=refined, space=space, evaluations=verdicts.evaluations + sharp.evaluations,
+        notes=verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED), reasons=reasons,
+        owed=np.zeros_like(verdicts.owed) if freed.any() and not reasons else verdicts.owed,
+    ), sharp  # fmt: skip
+
+
+def _predicted(
+    fine: Fine, problem: Problem, verdicts: Verdicts, space: Space, before: float, loss: str, cancel: Callable[[], bool]
+) -> tuple[Sharpened | None, np.ndarray]:
+    """The fit of predictions, and which unknowns (p,) it holds: those that neither torques nor predictions determine.
+
+    before: rms of the torques' residual, N m.
+    """
+    unknowns, size = verdicts.refined.unknowns, problem.states_index
+    held = ~verdicts.space.free & (np.arange(len(unknowns)) != problem.lateness_index)
+    names = problem.names
+    drop = DROP in names and names.index(DROP) in verdicts.reasons  # what trades with a drop is bent: `owed` tries others
+    untold = np.flatnonzero(held[:size] & space.free[:size] & ~drop).tolist()
+    untold = [k for k in untold if k not in beforehand(problem, space)]
+    if untold:
+        start = unknowns.copy()
+        start[untold] = np.clip(start[untold], 1.01 * space.lower[untold], space.upper[untold] / 1.01)
+        own = space.holding(held & ~np.isin(np.arange(len(held)), untold))
+        sharp = sharpen(fine, start[:size], own.first(size), before, loss, cancel)
+        if sharp is None:
+            return None, held
+        unsure = {k: "" for k in untold if not sharp.tells(k)}
+        unsure |= companions(problem, unsure)
+        held = ~own.free & (np.arange(len(held)) != problem.lateness_index) | np.isin(np.arange(len(held)), list(unsure))
+        if not unsure:
+            return sharp, held
+    return sharpen(fine, unknowns[:size], space.holding(held).first(size), before, loss, cancel), held
 
 
 def _timing(concluded: Conclusions, free: bool) -> TorqueTiming:

@@ -23,10 +23,14 @@ from tcs_friction.identify.refine import Space
 TUNING_SAMPLES = 20_000  # of the disturbance's spectrum before the fit
 TUNING_ROUNDS = 16
 TUNING_SHIFT = 2.0  # periods: between the two ends of one lies what is not known of a log
-NUISANCES = 3  # unknowns beyond law, inertia, offset and lateness: rate and size of the disturbance, size of the drift
+NUISANCES = 4  # unknowns beyond law, inertia, offset and lateness, which stand at the end in this order
+INERTIA, OFFSET, LATENESS = -7, -6, -5  # kg m^2, N m, s
+RATE, SIZE, DRIFT = -4, -3, -2  # 1/s and rad/s^2 of the disturbance, rad/s^2 of its slow drift
+MISSED = -1  # share of the torque's changes that acts besides, because the log does not show it
 REST = NUISANCES + 3
 FORGOTTEN = 0.1  # standard deviations of a prediction, by which it may depend on what was before the recording
-FINEST = 0.1  # rad that bristles swing in a step: the midpoint rule then errs by 0.1^2/24 of their frequency
+WHOLE = 0.03  # rad that bristles swing in a step of the midpoint rule alone, which then errs by 0.03^2/12 in their stiffness
+FINEST = 0.3  # rad, in one that is extrapolated from its halves (see the test of steps)
 MOST_SUBSTEPS, STIFFEST = 32, 0.5  # of a period; rad per step: bristles that swing faster are not resolved
 JUMP = 0.05  # of its range: friction that changes by more within a sample is not resolved
 AROUND = LEAST_RUN // 2  # samples on either side that are left out, too
@@ -44,6 +48,7 @@ class Predictor(ABC):
         start = samples.position[samples.bounds[:-1]]
         self._position = samples.position - np.repeat(start, np.diff(samples.bounds))
         self._walk = fine.walked(substeps)
+        self._rough = fine.rough(self._walk)
         self._pushed: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         least = 1e-9 * float(np.ptp(samples.position))
         self.encoder = max(float(np.sqrt(0.5 * fine.density / fine.period)), least)
@@ -62,35 +67,32 @@ class Predictor(ABC):
         return pushes, moves, row
 
     @abstractmethod
-    def _filter(
-        self, laws: np.ndarray, rest: np.ndarray, lateness: np.ndarray, bounds: np.ndarray, out: np.ndarray
-    ) -> None:
-        """Fill errors and variances (2, m, n) for laws (m, k), the rest (m, 6) and lateness of the torque (m,) s.
-
-        The rest: inertia, offset, rate and size of the disturbance, encoder noise, size of the drift.
-        """
+    def _filter(self, unknowns: np.ndarray, encoder: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
+        """Fill errors and variances (2, m, n) for candidates (m, k + 7) with encoder noise (m,) rad rms."""
 
     @abstractmethod
     def resolved(self, unknowns: np.ndarray) -> np.ndarray:
         """(n,) Where the recording's steps are short against what the axis does; unknowns (k + 2,): law, inertia, offset."""
 
+    @property
+    def swing(self) -> float:
+        """rad/s, of the fastest swing or decay that the friction has of its own; 0: none is predicted."""
+        return 0.0
+
     def finer(self, unknowns: np.ndarray) -> Predictor:  # noqa: ARG002
-        """The same with steps as fine as these unknowns (k + 6,) ask for; itself if they are."""
+        """The same with steps as fine as these unknowns (k + 7,) ask for; itself if they are."""
         return self
 
     def predicted(
         self, unknowns: np.ndarray, encoder: np.ndarray | float, samples: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Errors and variances (m, n) of candidates (m, k + 6) with encoder noise (m,) rad rms; `samples`: of the first alone."""
-        inertia, offset, lateness, rate, size, drift = unknowns[:, -REST:].T
-        noise = np.broadcast_to(encoder, len(unknowns))
-        rest = np.column_stack([inertia, offset, rate, size, noise, drift])
+        """Errors and variances (m, n) of candidates (m, k + 7) with encoder noise (m,) rad rms; `samples`: of the first alone."""
         bounds = self.fine.samples.bounds
         if samples is not None and samples < bounds[-1]:
             bounds = np.array([*bounds[bounds < samples - 2], samples])
         self.evaluations += len(unknowns)
         out = np.empty((2, len(unknowns), int(bounds[-1])))
-        self._filter(unknowns[:, :-REST], rest, lateness, bounds, out)
+        self._filter(unknowns, np.broadcast_to(encoder, len(unknowns)), bounds, out)
         errors, variances = _bounded(out)
         return errors, np.maximum(variances, SMALLEST)
 
@@ -104,7 +106,7 @@ class Predictor(ABC):
         return self.linearised(unknowns)[0]
 
     def linearised(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivatives (n, k + 6) by differences, where unknowns are free.
+        """The same, and its derivatives (n, k + 7) by differences, where unknowns are free.
 
         Differences to one side: a candidate costs as much as the fit's own point, and a relative step of STEP bends nothing.
         """
@@ -125,12 +127,12 @@ class Predictor(ABC):
         step = self.STEP * np.abs(unknowns)
         linear = ~self.space.logarithmic[:-REST]
         step[:-REST][linear] = np.maximum(step[:-REST], self.fine.least)[linear]
-        step[1 - REST] = 1e-4 * self.fine.size
-        step[2 - REST] = 0.02 * self.fine.period
+        step[OFFSET] = 1e-4 * self.fine.size
+        step[LATENESS] = 0.02 * self.fine.period
         return step
 
     def likelihood(self, unknowns: np.ndarray, encoder: np.ndarray, samples: int | None = None) -> np.ndarray:
-        """(m,) minus its logarithm, of candidates (m, k + 6) with encoder noise (m,)."""
+        """(m,) minus its logarithm, of candidates (m, k + 7) with encoder noise (m,)."""
         scores = _scores(*self.predicted(unknowns, encoder, samples))
         return np.asarray(scores @ self.weights[: scores.shape[1]])
 
@@ -139,27 +141,46 @@ class Predictor(ABC):
         (scores,) = _scores(*self.predicted(unknowns[None], self.encoder))
         return np.where(self.weights > 0.0, scores, np.nan)
 
+    def scaled(self, unknowns: np.ndarray, factor: float) -> np.ndarray:
+        """Unknowns (k + 7,) with all noises so many times as large: the likeliest ones where errors are that much larger."""
+        self.encoder *= factor
+        scaled = unknowns.copy()
+        scaled[[SIZE, DRIFT, MISSED]] *= factor
+        return scaled
+
     def tune(self, unknowns: np.ndarray, near: bool = False) -> np.ndarray:
-        """Encoder noise, rate and size of the disturbance, and size of the drift, stepping by factors, and the lateness, by
-        maximum likelihood. The lateness' has several maxima: a fit finds only the nearest. `near`: all have been tuned before."""
+        """Encoder noise and nuisances, stepping by factors, and the lateness, by maximum likelihood. The lateness' has several
+        maxima: a fit finds only the nearest. `near`: all have been tuned before."""
         point, best = np.array([*unknowns, self.encoder]), np.inf
         factor, shift = (1.5, 0.1 * self.fine.period) if near else (4.0, TUNING_SHIFT * self.fine.period)
         self.weigh(unknowns)
-        late, moves = 2 - REST - 1, bool(self.space.free[2 - REST])
+        factors = [-1, *(k - 1 for k in (RATE, SIZE, DRIFT, MISSED) if self.space.free[k])]
+        late, moves = LATENESS - 1, bool(self.space.free[LATENESS])
+        earliest, latest = self.space.lower[LATENESS], self.space.upper[LATENESS]
         for _ in range(TUNING_ROUNDS):
-            trials = np.tile(point, (11 if moves else 9, 1))
-            for k in range(8):
-                trials[1 + k, -1 - k // 2] *= factor if k % 2 else 1.0 / factor
+            trials = [point]
+            for k in factors:
+                trials += [_moved(point, k, point[k] * factor), _moved(point, k, point[k] / factor)]
             if moves:
-                shifted = point[late] + np.array([shift, -shift])
-                trials[9:, late] = np.clip(shifted, self.space.lower[2 - REST], self.space.upper[2 - REST])
-            costs = self.likelihood(trials[:, :-1], trials[:, -1], TUNING_SAMPLES)
+                trials += [_moved(point, late, np.clip(point[late] + way, earliest, latest)) for way in (shift, -shift)]
+            costs = self.likelihood(np.array(trials)[:, :-1], np.array(trials)[:, -1], TUNING_SAMPLES)
             least = int(np.nanargmin(costs)) if np.isfinite(costs).any() else 0
             if least == 0 or not costs[least] < best:
                 factor, shift = np.sqrt(factor), 0.5 * shift
             point, best = trials[least], costs[least]
         self.encoder = float(point[-1])
         return point[:-1]
+
+
+def _moved(point: np.ndarray, k: int, value: float) -> np.ndarray:
+    moved = point.copy()
+    moved[k] = value
+    return moved
+
+
+def _rest(unknowns: np.ndarray, encoder: np.ndarray) -> np.ndarray:
+    """(m, 7) of candidates what a filter reads after the law: inertia, offset, rate, size, encoder noise, drift, missed."""
+    return np.column_stack([unknowns[:, [INERTIA, OFFSET, RATE, SIZE]], encoder, unknowns[:, [DRIFT, MISSED]]])
 
 
 def _scores(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
@@ -186,7 +207,12 @@ class LuGrePredictor(Predictor):
         self._model, self._unsure = model, 1.0
         self._turn = self._fastest(unknowns) * fine.period
         self._substeps = _steps_for(self._turn, finest)
+        self._halved = self._turn > WHOLE * self._substeps
         super().__init__(fine, space, self._substeps)
+
+    @property
+    def swing(self) -> float:
+        return self._turn / self.fine.period
 
     def finer(self, unknowns: np.ndarray) -> Predictor:
         needed = _steps_for(self._fastest(unknowns[: -NUISANCES]) * self.fine.period, FINEST)
@@ -201,14 +227,14 @@ class LuGrePredictor(Predictor):
         values, inertia = self._model.as_lugre(unknowns[:-3]), unknowns[-3]
         return float(max(np.sqrt(values[3] / inertia), (values[4] + values[5]) / inertia))
 
-    def _filter(
-        self, laws: np.ndarray, rest: np.ndarray, lateness: np.ndarray, bounds: np.ndarray, out: np.ndarray
-    ) -> None:
-        candidates = np.column_stack([np.array([self._model.as_lugre(values) for values in laws]), rest])
-        pushes, moves, row = self._pushes(lateness)
-        candidates = np.column_stack([candidates, np.full(len(laws), self._unsure)])
-        walk = self._walk
-        kernel.predict(self._position, bounds, walk.firsts, walk.steps, pushes, moves, row, candidates, *out)
+    def _filter(self, unknowns: np.ndarray, encoder: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
+        laws = np.array([self._model.as_lugre(values) for values in unknowns[:, :-REST]])
+        candidates = np.column_stack([laws, _rest(unknowns, encoder), np.full(len(laws), self._unsure)])
+        pushes, moves, row = self._pushes(unknowns[:, LATENESS])
+        kernel.predict(
+            self._position, bounds, self._walk.firsts, self._walk.steps, pushes, moves, self._rough, row, candidates,
+            self._halved, *out,
+        )  # fmt: skip
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Leave out, too, what depends on how a bristle was bent before the recording: a filter of that would not be linear."""
@@ -239,26 +265,24 @@ class ForcedPredictor(Predictor):
         self.slope = np.zeros(len(fine.samples))
         self._velocity, self._jitter = fine.samples.at(fine.velocity), fine.jitter
 
-    def _filter(
-        self, laws: np.ndarray, rest: np.ndarray, lateness: np.ndarray, bounds: np.ndarray, out: np.ndarray
-    ) -> None:
-        different, law = np.unique(laws, axis=0, return_inverse=True)
+    def _filter(self, unknowns: np.ndarray, encoder: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
+        different, law = np.unique(unknowns[:, :-REST], axis=0, return_inverse=True)
         known, self._rows = self._rows, {}
         for values in different:
             key = values.tobytes()
             self._rows[key] = known[key] if key in known else self._friction(self.fine.model, values)
-        pushes, moves, row = self._at_samples(lateness)
+        pushes, moves, row = self._pushes(unknowns[:, LATENESS])
         forced_kernel.predict(
-            self._position, bounds, self.fine.samples.steps, pushes, moves, row, np.array(list(self._rows.values())),
-            law.ravel(), self._velocity, self.slope, np.ascontiguousarray(rest), *out,
+            self._position, bounds, self.fine.samples.steps, self._at_samples(pushes), self._at_samples(moves),
+            self._at_samples(self._rough[None])[0], row, np.array(list(self._rows.values())),
+            law.ravel(), self._velocity, self.slope, _rest(unknowns, encoder), *out,
         )  # fmt: skip
 
-    def _at_samples(self, lateness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The pushes over the step from each sample on; at the end of a run there is none."""
-        pushes, moves, row = self._pushes(lateness)
-        wide = np.zeros((2, len(pushes), len(self.target)))
-        wide[:, :, self._walk.counted] = pushes, moves
-        return wide[0], wide[1], row
+    def _at_samples(self, rows: np.ndarray) -> np.ndarray:
+        """Rows (l, q) of the walk's steps as rows (l, n) over the step from each sample on; at the end of a run there is none."""
+        wide = np.zeros((len(rows), len(self.target)))
+        wide[:, self._walk.counted] = rows
+        return wide
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Take the slopes of the friction from these unknowns, too."""

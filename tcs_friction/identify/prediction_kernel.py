@@ -19,7 +19,7 @@ from tcs_friction.identify.kernels import FAST, falling_exponential, mean_decay
 
 LANES = 16
 SLOW = 0.3  # 1/s, of the drift
-SIZE = 13  # of a candidate
+SIZE = 14  # of a candidate
 ROWS = 20  # of the state and its covariance
 
 
@@ -41,8 +41,10 @@ def predict(
     steps: Any,
     pushes: Any,
     moves: Any,
+    rough: Any,
     row: Any,
     candidates: Any,
+    halved: bool,
     errors: Any,
     variances: Any,
 ) -> None:
@@ -50,22 +52,24 @@ def predict(
 
     position (n,) rad, bounds (s + 1,) of the stretches, steps (q,) s that are walked, from sample i on those from firsts[i] up to
     firsts[i + 1] (n + 1,), pushes (l, q) mean torque N m over each, by several timings, moves (l, q) the constant torque that
-    moves as far, row (m,) which of them a candidate has, candidates (m, SIZE): LuGre's six as in `physics.friction.lugre`,
-    inertia, offset N m, rate 1/s and size (rad/s^2 rms) of the disturbance, encoder noise rad rms, size of the drift
-    (rad/s^2 rms), how unsure a bristle is at first (1; 0: it is relaxed). Out (m, n): errors in rad, variances in rad^2.
+    moves as far, rough (q,) N m by which the torque changes about there, row (m,) which timing a candidate has, candidates
+    (m, SIZE): LuGre's six as in `physics.friction.lugre`, inertia, offset N m, rate 1/s and size (rad/s^2 rms) of the
+    disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms), share of the changes that the log misses, how unsure a
+    bristle is at first (1; 0: it is relaxed). halved: whether steps are extrapolated from their halves.
+    Out (m, n): errors in rad, variances in rad^2.
     """
     L = LANES
     count = candidates.shape[0]
     for block in prange((count + L - 1) // L):
-        c, s = np.empty((SIZE + 3, L)), np.zeros((ROWS, L))
-        push, lift = np.zeros(L), np.zeros(L)
+        c, s = np.empty((SIZE + 4, L)), np.zeros((ROWS, L))
+        push, lift, ends, unknown = np.zeros(L), np.zeros(L), np.zeros((3, L)), np.zeros(L)
         for j in range(L):
             p = candidates[min(block * L + j, count - 1)]
             for k in range(SIZE):
                 c[k, j] = p[k]
             c[1, j], c[2, j], c[6, j] = p[1] - p[0], -1.0 / (p[2] * p[2]), 1.0 / p[6]
-            c[9, j], c[10, j], c[11, j] = p[9] * p[9], p[10] * p[10], p[11] * p[11]
-            c[12, j] = p[12] * (p[1] / p[3]) ** 2
+            c[9, j], c[10, j], c[11, j], c[12, j] = p[9] * p[9], p[10] * p[10], p[11] * p[11], p[12] * p[12]
+            c[13, j] = p[13] * (p[1] / p[3]) ** 2
         used = min(L, count - block * L)
         last_dt = 0.0
         for part in range(len(bounds) - 1):
@@ -78,7 +82,7 @@ def predict(
                     s[k, j] = 0.0
                 v, noise = (position[first + 1] - position[first]) / apart, c[10, j]
                 s[0, j], s[1, j], s[4, j] = position[first], v, noise
-                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (apart * apart) + v * v, c[12, j], c[9, j]
+                s[8, j], s[11, j], s[13, j] = 2.0 * noise / (apart * apart) + v * v, c[13, j], c[9, j]
                 s[19, j] = c[11, j]
             for i in range(first, last):
                 for j in range(used):
@@ -89,14 +93,20 @@ def predict(
                     dt = steps[k]
                     if dt != last_dt:
                         for j in range(L):
-                            c[13, j], c[15, j] = math.exp(-c[8, j] * dt), math.exp(-SLOW * dt)
-                            c[14, j] = c[9, j] * (1.0 - c[13, j] * c[13, j])
+                            c[14, j], c[16, j] = math.exp(-c[8, j] * dt), math.exp(-SLOW * dt)
+                            c[15, j] = c[9, j] * (1.0 - c[14, j] * c[14, j])
+                            c[17, j] = math.exp(-0.5 * c[8, j] * dt)
                         last_dt = dt
                     for j in range(L):
                         r = row[min(block * L + j, count - 1)]
                         push[j] = pushes[r, k] - c[7, j]
                         lift[j] = moves[r, k] - pushes[r, k]
-                    _advance(s, c, push, lift, dt)
+                        unknown[j] = c[12, j] * (rough[k] * c[6, j]) ** 2
+                    if halved:
+                        _halves(s, c, push, dt, ends)
+                    _advance(s, c, push, lift, unknown, dt)
+                    if halved:
+                        _extrapolate(s, ends)
 
 
 @njit(inline="always")
@@ -129,18 +139,59 @@ def _update(s: Any, c: Any, measured: float) -> None:
 
 
 @njit(inline="always")
-def _advance(s: Any, c: Any, push: Any, lift: Any, dt: float) -> None:
+def _midpoint(x: Any, v: Any, z: Any, push: Any, dt: float, c: Any, j: Any) -> Any:
+    """Position, velocity and deflection after one step under the torque `push`, disturbances included."""
+    coulomb, drop, bell, stiffness, damping, viscous, lightness = (
+        c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j], c[6, j])  # fmt: skip
+    flow, _, forget = bristle_rate(v, z, coulomb, drop, bell, stiffness)
+    share = mean_decay(forget * dt, falling_exponential(-forget * dt))
+    vm = v + 0.5 * dt * lightness * (push - stiffness * z - share * damping * flow - viscous * v)
+    flow, _, forget = bristle_rate(vm, z, coulomb, drop, bell, stiffness)
+    flow *= mean_decay(forget * dt, falling_exponential(-forget * dt))
+    a = lightness * (push - stiffness * (z + 0.5 * dt * flow) - damping * flow - viscous * vm)
+    return x + dt * v + 0.5 * dt * dt * a, v + dt * a, z + dt * flow
+
+
+@njit(inline="always")
+def _halves(s: Any, c: Any, push: Any, dt: float, ends: Any) -> None:
+    """By how much position, velocity and deflection (3, lanes) lie off the end of a whole step, if halves are halved for ever:
+
+    four thirds of what its two halves change, as a step errs by its third power (Richardson 1911).
+    """
+    for j in range(LANES):
+        w, d, keep = s[3, j], s[14, j], c[17, j]
+        first = push[j] + ((0.5 + 0.5 * keep) * w + d) / c[6, j]
+        x, v, z = _midpoint(s[0, j], s[1, j], s[2, j], first, 0.5 * dt, c, j)
+        second = push[j] + ((0.5 + 0.5 * keep) * keep * w + d) / c[6, j]
+        x, v, z = _midpoint(x, v, z, second, 0.5 * dt, c, j)
+        middle = push[j] + ((0.5 + 0.5 * keep * keep) * w + d) / c[6, j]
+        wx, wv, wz = _midpoint(s[0, j], s[1, j], s[2, j], middle, dt, c, j)
+        ends[0, j], ends[1, j], ends[2, j] = (x - wx) / 0.75, (v - wv) / 0.75, (z - wz) / 0.75
+
+
+@njit(inline="always")
+def _extrapolate(s: Any, ends: Any) -> None:
+    """A whole step to where infinitely many parts of it would end, by what `_halves` found."""
+    for j in range(LANES):
+        s[0, j] += ends[0, j]
+        s[1, j] += ends[1, j]
+        s[2, j] += ends[2, j]
+
+
+@njit(inline="always")
+def _advance(s: Any, c: Any, push: Any, lift: Any, unknown: Any, dt: float) -> None:
     """One step of all lanes under the torque `push` (N m), which moves as `push + lift` does: x' = T x, P' = T P T^T + Q.
 
+    unknown: variance of an acceleration that lasts for this step alone, (rad/s^2)^2.
     Rows: x v z w, xx xv xz xw vv vz vw zz zw ww, d, xd vd zd wd dd.
     """
     half = 0.5 * dt * dt
     for j in range(LANES):
         coulomb, drop, bell, stiffness, damping, viscous, lightness = (
             c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j], c[6, j])  # fmt: skip
-        keep, power = c[13, j], c[14, j]
+        keep, power = c[14, j], c[15, j]
         middle = 0.5 * (1.0 + keep)
-        v, z, w, d, stay = s[1, j], s[2, j], s[3, j], s[14, j], c[15, j]
+        v, z, w, d, stay = s[1, j], s[2, j], s[3, j], s[14, j], c[16, j]
         flow, _, forget = bristle_rate(v, z, coulomb, drop, bell, stiffness)
         share = mean_decay(forget * dt, falling_exponential(-forget * dt))
         a = (push[j] - stiffness * z - share * damping * flow - viscous * v) * lightness + w + d
@@ -150,9 +201,10 @@ def _advance(s: Any, c: Any, push: Any, lift: Any, dt: float) -> None:
         moved, zv, z2 = share * dt * flow, share * dt * by_velocity, 1.0 - share * dt * forget
         zm, flow = z + 0.5 * moved, share * flow
         a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w + d
-        s[0, j] += dt * v + half * (a + lift[j] * lightness)
-        s[1, j] = v + dt * a
-        s[2, j] = z + moved
+        beyond = half * lift[j] * lightness  # the way that the torque moves beyond its mean, which bends and damps, too
+        s[0, j] += dt * v + half * a + beyond
+        s[1, j] = v + dt * a - (viscous + damping * zv / dt) * lightness * beyond
+        s[2, j] = z + moved + zv / dt * beyond
         s[3, j] = w * keep
         s[14, j] = d * stay
 
@@ -175,13 +227,14 @@ def _advance(s: Any, c: Any, push: Any, lift: Any, dt: float) -> None:
         ud = v1 * vd + v2 * zd + v3 * wd + v4 * dd
         sv, sz = z1 * vv + z2 * vz + z3 * (vw + vd), z1 * vz + z2 * zz + z3 * (zw + zd)
         sw, sd = z1 * vw + z2 * zw + z3 * (ww + wd), z1 * vd + z2 * zd + z3 * (wd + dd)
-        s[4, j] = xx + x1 * xv + x2 * xz + x3 * (xw + xd) + x1 * tv + x2 * tz + x3 * (tw + td)
-        s[5, j] = v1 * tv + v2 * tz + v3 * tw + v4 * td
-        s[6, j] = z1 * tv + z2 * tz + z3 * (tw + td)
+        e = unknown[j]
+        s[4, j] = xx + x1 * xv + x2 * xz + x3 * (xw + xd) + x1 * tv + x2 * tz + x3 * (tw + td) + x3 * x3 * e
+        s[5, j] = v1 * tv + v2 * tz + v3 * tw + v4 * td + x3 * v4 * e
+        s[6, j] = z1 * tv + z2 * tz + z3 * (tw + td) + x3 * z3 * e
         s[7, j], s[10, j], s[12, j] = keep * tw, keep * uw + 0.5 * power * dt, keep * sw
-        s[8, j] = v1 * uv + v2 * uz + v3 * uw + v4 * ud + power * dt * dt / 3.0
-        s[9, j] = z1 * uv + z2 * uz + z3 * (uw + ud)
-        s[11, j] = z1 * sv + z2 * sz + z3 * (sw + sd)
+        s[8, j] = v1 * uv + v2 * uz + v3 * uw + v4 * ud + power * dt * dt / 3.0 + v4 * v4 * e
+        s[9, j] = z1 * uv + z2 * uz + z3 * (uw + ud) + v4 * z3 * e
+        s[11, j] = z1 * sv + z2 * sz + z3 * (sw + sd) + z3 * z3 * e
         s[13, j] = keep * keep * ww + power
         s[15, j], s[16, j], s[17, j] = stay * td, stay * ud, stay * sd
         s[18, j] = keep * stay * wd

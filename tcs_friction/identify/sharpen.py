@@ -9,30 +9,43 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcs_friction.conditioning.hold import Between
+from tcs_friction.identify.determined import LARGEST_RELATIVE
 from tcs_friction.identify.fine import Fine
 from tcs_friction.identify.models import LuGreModel
-from tcs_friction.identify.prediction import NUISANCES, ForcedPredictor, LuGrePredictor, Predictor
+from tcs_friction.identify.prediction import (
+    DRIFT,
+    INERTIA,
+    LATENESS,
+    MISSED,
+    NUISANCES,
+    RATE,
+    SIZE,
+    ForcedPredictor,
+    LuGrePredictor,
+    Predictor,
+)
 from tcs_friction.identify.refine import Refined, Space, refine
 from tcs_friction.identify.result import Noise
 from tcs_friction.identify.uncertainty import curvature_inverse
 
 MOSTLY = 0.5  # of the samples, at least, must be resolved
-ROUNDS = 3  # of fits, each with the weights that follow from the one before
+ROUNDS = 6  # of fits at most, each with the weights that follow from the one before
 COARSE = 0.5  # rad that bristles swing in a step, until a fit is near its end: the midpoint rule errs by 1 % of their frequency
 LEAST_SEEN = 0.01  # of a curvature: with less, a standard error that is ten times as large says that nothing is known
 LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
 SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
+LEVEL = (0.95, 1.05)  # rms of errors over what the filter expects: within 5 % of an interval, noises are not scaled again
 SOUND = (0.5, 2.0)  # rms of errors of prediction over what the filter expects
 WHITE = 3.5  # standard deviations of the correlation of neighbouring errors, if there is none
 START_RATE = 30.0  # 1/s, of the disturbance
-DRIFT = 0.1  # times the disturbance's size, to start with
+DRIFTING, SHOWN = 0.1, 0.3  # times the disturbance's size, share of the torque's changes, to start with
 
 
 @dataclass(frozen=True, eq=False)
 class Sharpened:
     """A fit of predictions.
 
-    unknowns (k + 6,): law, inertia, offset, lateness s, rate 1/s and size of the disturbance, size of the drift, rad/s^2 rms.
+    unknowns (k + 7,): law, inertia, offset, lateness s, and the nuisances of `prediction`.
     fit: of the errors of prediction. scores (n,): of each sample, minus the logarithm of its likelihood; NaN of those left out.
     seen: share of the curvature of the squares by the lateness, as derivatives have it, that the squares themselves have.
     """
@@ -54,15 +67,29 @@ class Sharpened:
     @property
     def noise(self) -> Noise:
         """Of drive and encoder: the disturbance and its drift as torques, and what blurs each position."""
-        inertia, rate, size, drift = (float(self.unknowns[k]) for k in (-NUISANCES - 3, -3, -2, -1))
+        inertia, rate, size, drift = (float(self.unknowns[k]) for k in (INERTIA, RATE, SIZE, DRIFT))
         return Noise(inertia * math.hypot(size, drift), rate / (2.0 * math.pi), self.aim.encoder)
+
+    def disturbance(self, bandwidth: float) -> float:
+        """N m rms up to a frequency, Hz, of what these predictions need beside the logged torque."""
+        inertia, rate, size, drift = (float(self.unknowns[k]) for k in (INERTIA, RATE, SIZE, DRIFT))
+        below = 2.0 / math.pi * math.atan(2.0 * math.pi * bandwidth / rate)  # of first-order noise
+        return inertia * math.hypot(size * math.sqrt(below), drift)
+
+    def tells(self, k: int) -> bool:
+        """Whether a positive unknown is known to better than half of itself, and no bound stops it."""
+        index, value = np.flatnonzero(self.space.free), float(self.unknowns[k])
+        inverse = curvature_inverse(self.fit.jacobian[:, index], self.fit.weights)
+        std = math.sqrt(max(float(np.diag(inverse)[np.searchsorted(index, k)]), 0.0))
+        inside = self.space.lower[k] * 1.001 < value < self.space.upper[k] / 1.001
+        return bool(std < LARGEST_RELATIVE * abs(value) and inside)
 
     def covariance_as_seen(self, covariance: np.ndarray) -> np.ndarray:
         """A covariance (q, q) by derivatives with the lateness as unsure as the squares say, and what goes with it.
 
         Noise of a torque's log makes its derivative by the lateness large, but tells no time: the squares hardly change with it.
         """
-        k = len(self.unknowns) - NUISANCES - 1
+        k = len(self.unknowns) + LATENESS
         if not covariance[k, k] > 0.0:
             return covariance
         return covariance + (1.0 / self.seen - 1.0) * np.outer(covariance[k], covariance[k]) / covariance[k, k]
@@ -87,30 +114,32 @@ def sharpen(
 
     unknowns, space: law, inertia, offset and lateness (k + 3,); residual: rms of the fit before, N m.
     """
-    wider = widened(space)
-    predictor = _predictor(fine, wider, unknowns, COARSE)
+    predictor = _predictor(fine, widened(space, fine), unknowns, COARSE)
     resolved = predictor.resolved(unknowns)
     if not resolved.all():
         clear = fine.only(resolved)
         if clear is None or len(clear.samples) < MOSTLY * len(fine.samples):
             return None
-        fine, predictor = clear, _predictor(clear, wider, unknowns, COARSE)
+        fine, predictor = clear, _predictor(clear, predictor.space, unknowns, COARSE)
     size = max(residual, 1e-9 * fine.size) / unknowns[-3]
-    found = _fitted(predictor, np.array([*unknowns, START_RATE, size, DRIFT * size]), loss, cancel)
+    first = np.array([*unknowns, START_RATE, size, DRIFTING * size, SHOWN if predictor.space.free[MISSED] else 0.0])
+    found = _fitted(predictor, first, loss, cancel)
     if not space.free[-1]:
         return found
-    other = _predictor(fine.drawn(Between.LINE), wider, found.unknowns[:-NUISANCES], COARSE)
-    if likelier(found.scores, other.scores(other.tune(found.unknowns, near=True))):
+    line, start = fine.drawn(Between.LINE), found.unknowns.copy() if found.sound else first
+    start[MISSED] = SHOWN
+    other = _predictor(line, widened(space, line), start[:-NUISANCES], COARSE)
+    if found.sound and likelier(found.scores, other.scores(other.tune(start, near=True))):
         return found
-    line = _fitted(other, found.unknowns, loss, cancel)
-    return found if found.likelier_than(line) else line
+    momentary = _fitted(other, start, loss, cancel)
+    return found if found.likelier_than(momentary) else momentary
 
 
 def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable[[], bool]) -> Sharpened:
-    """The fit of predictions that begins at `first` (k + 6,)."""
+    """The fit of predictions that begins at `first` (k + 7,)."""
     start = predictor.tune(first)
     space, evaluations, rounds = predictor.space, 0, 0
-    law = np.arange(len(start)) < len(start) - NUISANCES - 3
+    law = np.arange(len(start)) < len(start) + INERTIA
     for spaces in (*[space.holding(law)] * 2, *[space] * ROUNDS):
         predictor.weigh(start)
         fit = refine(
@@ -121,12 +150,16 @@ def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable
         moved = float(np.max(np.abs(fit.unknowns - start)[spaces.free] * np.sqrt(power)))
         start = fit.unknowns
         exact = predictor.finer(start) if spaces is space else predictor
-        if cancel() or (moved < SETTLED and rounds and exact is predictor):
+        level = math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
+        if cancel() or (moved < SETTLED and rounds and exact is predictor and LEVEL[0] < level < LEVEL[1]):
             break
         if spaces is space and not rounds:
             start = predictor.tune(start, near=True)  # of noise, beside a law that is nearly right
+        elif spaces is space:
+            start = predictor.scaled(start, level)
         rounds += spaces is space
         if exact is not predictor:
+            exact.encoder = predictor.encoder
             evaluations, predictor = evaluations + predictor.evaluations, exact
     seen = _seen(predictor, fit)
     return Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor, predictor.scores(start), seen)
@@ -134,7 +167,7 @@ def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable
 
 def _seen(predictor: Predictor, fit: Refined) -> float:
     """`Sharpened.seen`: half a unit of cost at one standard error of the lateness, by derivatives, beside what it is there."""
-    index, late = np.flatnonzero(predictor.space.free), len(fit.unknowns) - NUISANCES - 1
+    index, late = np.flatnonzero(predictor.space.free), len(fit.unknowns) + LATENESS
     if late not in index:
         return 1.0
     inverse = curvature_inverse(fit.jacobian[:, index], fit.weights)
@@ -156,11 +189,12 @@ def _predictor(fine: Fine, space: Space, unknowns: np.ndarray, finest: float) ->
     return ForcedPredictor(fine, space)
 
 
-def widened(space: Space) -> Space:
-    """With rate and size of the disturbance, and size of the drift."""
+def widened(space: Space, fine: Fine) -> Space:
+    """With the nuisances of `prediction`: a held torque acts as it was logged, if all of it was; momentary values miss much."""
+    misses = fine.between is Between.LINE or any(log.lost is not None for log in fine.logs)
     return Space(
-        np.concatenate([space.lower, [START_RATE / 30.0, 1e-30, 1e-30]]),
-        np.concatenate([space.upper, [1e5, np.inf, np.inf]]),
-        np.concatenate([space.logarithmic, [True, True, True]]),
-        np.concatenate([space.free, [True, True, True]]),
+        np.concatenate([space.lower, [START_RATE / 30.0, 1e-30, 1e-30, 1e-3]]),
+        np.concatenate([space.upper, [1e5, np.inf, np.inf, 1e3]]),
+        np.concatenate([space.logarithmic, [True, True, True, True]]),
+        np.concatenate([space.free, [True, True, True, misses]]),
     )

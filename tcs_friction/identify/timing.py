@@ -22,7 +22,7 @@ WIDTHS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Of bristles, as shares of the travel: from the finest that any bearing of a long axis shows to a soft cable."""
 PER_PERIOD = 2  # timings that are tried
 CHANCE = 1e-3  # probability that another timing explains so much more where the motion's own is right (likelihood ratio)
-RANK = 1e-9  # of the largest, below which columns are the same
+RANK = 1e-9  # of the largest, below which columns are the same, and of a torque's squares, which differences do not resolve
 
 
 def likely_timing(motion: Motion) -> Timing:
@@ -38,7 +38,7 @@ def likely_timing(motion: Motion) -> Timing:
     left, still = _left(motion, columns, lags, per_sample), _left(motion, columns[1:], lags, per_sample)
     best, here = int(np.argmin(left)), int(np.flatnonzero(lags == 0)[0])
     independent = 2.0 * motion.bandwidth * len(motion) / motion.rate
-    told = independent * np.log(np.maximum([left[here], still[best]], 1e-300) / max(left[best], 1e-300))
+    told = independent * np.log(np.array([left[here], still[best]]) / left[best])
     if told.min() < chi2.ppf(1.0 - CHANCE, 1):
         return motion.timing
     late = -float(lags[best]) / (motion.rate * per_sample)
@@ -51,7 +51,7 @@ def _left(motion: Motion, columns: np.ndarray, lags: np.ndarray, per_sample: int
     for part in motion.stretches:
         own = _explained(columns[:, part], motion.torque[part], lags, per_sample)
         explained, energy = explained + own[0], energy + own[1]
-    return 1.0 - explained / energy
+    return np.maximum(1.0 - explained / energy, RANK)
 
 
 def _columns(motion: Motion) -> np.ndarray:
@@ -69,11 +69,12 @@ def _columns(motion: Motion) -> np.ndarray:
 def _explained(columns: np.ndarray, torque: np.ndarray, lags: np.ndarray, per_sample: int) -> tuple[np.ndarray, np.ndarray]:
     """(l,) Squares of a torque that columns (k, n) explain if it is moved by lags of 1/per_sample samples, and all of them."""
     reach, count = int(np.abs(lags).max()) // per_sample + 1, len(torque)
-    inside = slice(reach, count - reach)
+    inside, torque = slice(reach, count - reach), torque - torque.mean()
     if count - 2 * reach <= len(columns):
         return np.zeros(len(lags)), np.zeros(len(lags))
-    masked = np.zeros_like(columns)
-    masked[:, inside] = columns[:, inside]
+    masked, part = np.zeros_like(columns), columns[:, inside]
+    vary = np.ptp(part, axis=1) > 0.0  # the column of ones stays; without their means, the others are farther apart
+    masked[:, inside] = part - (part.mean(axis=1) * vary)[:, None]
     masked /= np.maximum(np.linalg.norm(masked, axis=1), 1e-300)[:, None]
     whitening = np.linalg.pinv(masked @ masked.T, rcond=RANK, hermitian=True)
     length = fft.next_fast_len(count, real=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tcs_friction.nodes.page_state import Condition, Job, Switches
+from tcs_friction.nodes.page.state import Condition, Job, Switches
 
 WELL, WARNING, WRONG = "well", "warning", "wrong"
 LOST_AFTER = 2.0  # s without a joint state

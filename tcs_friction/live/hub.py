@@ -20,7 +20,7 @@ from tcs_friction.live.bins import Extremes
 from tcs_friction.live.headline import SILENT_AFTER, Headline, Situation, headline
 from tcs_friction.live.results import Results
 from tcs_friction.live.traces import BINS, COMPENSATION, CURVES, ESTIMATE, REFERENCE, STATES, WINDOWS, Traces
-from tcs_friction.nodes.page_state import Condition, Job, Switches
+from tcs_friction.nodes.page.state import Condition, Job, Switches
 from tcs_friction.physics.axis import Axis
 
 MOST_NODES, MOST_ORDERS = 60, 8

@@ -11,11 +11,11 @@ from tcs_friction.errors import JobError
 from tcs_friction.live.access import Access
 from tcs_friction.live.hub import Hub, units_of
 from tcs_friction.live.serving import bound, served, url
-from tcs_friction.nodes.arguments import made_with
 from tcs_friction.nodes.axes import arguments_by_axis
-from tcs_friction.nodes.executor import run
-from tcs_friction.nodes.files import axis_file
-from tcs_friction.nodes.page_feed import PageFeed
+from tcs_friction.nodes.core.arguments import made_with
+from tcs_friction.nodes.core.executor import run
+from tcs_friction.nodes.core.files import axis_file
+from tcs_friction.nodes.page.feed import PageFeed
 
 
 def serve(axes: Sequence[str], ros_arguments: Sequence[str], rules: Access, port: int, results: Path) -> int:

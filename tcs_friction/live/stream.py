@@ -18,7 +18,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tcs_friction.live.hub import Cursor, Hub, changes
 from tcs_friction.live.traces import WINDOWS
-from tcs_friction.nodes.page_state import CANCEL, LEAVE_OUT, ORDERS
+from tcs_friction.nodes.page.state import CANCEL, LEAVE_OUT, ORDERS
 
 PERIOD = 0.05  # s between two frames
 STATUS_EVERY = 0.25  # s

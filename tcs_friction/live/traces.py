@@ -15,7 +15,7 @@ from tcs_friction.live.bins import Bins, Extremes, thinned
 from tcs_friction.live.history import History, Rows, Stamps
 from tcs_friction.live.joining import Join
 from tcs_friction.live.trail import Trail
-from tcs_friction.nodes.page_state import TOPICS
+from tcs_friction.nodes.page.state import TOPICS
 
 WINDOWS = (5, 20, 60, 240)
 """Lengths of the windows, s."""

@@ -9,7 +9,7 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.files import axis_file, config_file
+from tcs_friction.nodes.core.files import axis_file, config_file
 from tcs_friction.nodes.graph import arguments_for
 
 REFERENCE = "azimuth_1p2m_run.yaml"

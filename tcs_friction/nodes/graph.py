@@ -19,9 +19,9 @@ from rclpy.node import Node
 
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError, JobError, nearest
-from tcs_friction.nodes.arguments import made_with
-from tcs_friction.nodes.executor import run
-from tcs_friction.nodes.files import DEFAULT_AXIS, config_file
+from tcs_friction.nodes.core.arguments import made_with
+from tcs_friction.nodes.core.executor import run
+from tcs_friction.nodes.core.files import DEFAULT_AXIS, config_file
 from tcs_friction.physics.registry import effects
 
 CLASSES = {
@@ -37,9 +37,16 @@ CLASSES = {
 BESIDE = {"monitor": "Monitor"}
 """Nodes of an axis that are not part of its graph unless they are asked for."""
 DRIVERS = {"canopen_drive": "CanopenDrive", "ros2_control_driver": "Ros2ControlDriver"}
-"""Nodes for real drives, in the folder `drivers`."""
+"""Nodes for real drives."""
 PLANTS = {"mujoco_plant": "MujocoPlant", **DRIVERS}
 """Nodes that take the place, and the name, of the plant."""
+FOLDERS = {
+    "analysis": ("identifier", "diagnoser", "monitor"),
+    "bags": ("recorder", "player"),
+    "commissioning": ("commission",),
+    "drivers": ("dynamometer", *DRIVERS),
+}
+"""Where nodes are that are not in the folder `loop`."""
 LOOP = ("plant", "controller", "reference", "dob", "lugre_compensator")
 """On one executor the node made first hears first: in real time the controller answers a state before others work on it."""
 GRAPH = tuple(CLASSES)
@@ -55,7 +62,8 @@ def node_names() -> tuple[str, ...]:
 
 def module_of(name: str) -> str:
     """The module in which a node is."""
-    return f"tcs_friction.nodes.{'drivers.' if name in DRIVERS else ''}{name}"
+    folder = next((folder for folder, names in FOLDERS.items() if name in names), "loop")
+    return f"tcs_friction.nodes.{folder}.{name}"
 
 
 def factory(name: str) -> Callable[[], Node]:

@@ -1,8 +1,8 @@
 """Several publishers of one joint on one topic: whose messages are which, and which of them is the axis.
 
-As in the nodes (`control/stamps.py`, `nodes/rivals.py`), a second publisher is known by what it says: messages between the others
-whose position cannot have been reached and is left again at once, or which say one and the same torque between others, and stamps
-of a second clock. A reading that is wrong stands in the place of a right one; a publisher's message stands between two.
+As in the nodes (`control/stamps.py`, `nodes/core/rivals.py`), a second publisher is known by what it says: messages between the
+others whose position cannot have been reached and is left again at once, or which say one and the same torque between others, and
+stamps of a second clock. A reading that is wrong stands in the place of a right one; a publisher's message stands between two.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from benchmarks.faulty_companions import Surroundings, companions
 from benchmarks.faulty_nodes import GARBLED_COUNT, Loop, beyond_doubt, garbled
 from benchmarks.faulty_watch import REFUSED, Watch
 from benchmarks.listening import Report, wait_until
+from tcs_friction.nodes.core.wire import JointWire
 from tcs_friction.nodes.graph import LOOP
-from tcs_friction.nodes.wire import JointWire
 
 
 @pytest.mark.usefixtures("ros_domain")

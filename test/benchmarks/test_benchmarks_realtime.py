@@ -56,7 +56,7 @@ def test_bad_options_are_refused_in_one_line(words: list[str], says: str, capsys
 def test_the_driver_hears_an_answer_to_each_of_its_states_and_when() -> None:
     rclpy = pytest.importorskip("rclpy")
     from benchmarks.realtime import Driver, _pair
-    from tcs_friction.nodes.executor import close, make_executor, spin
+    from tcs_friction.nodes.core.executor import close, make_executor, spin
 
     rclpy.init(args=["test"])
     executor, driver, pair = make_executor(), Driver(100.0, 1.0, 0.2), _pair()

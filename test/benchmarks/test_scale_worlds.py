@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular
 
+from benchmarks import scale_accuracy
 from benchmarks.scale_bound import BOUNDED, bound, known_torque, look
 from benchmarks.scale_physics import NAMES, TOLERANCE, Array, Control, rates, simulate
 from benchmarks.scale_worlds import BLOCK, ScaleWorld, Simulated, draw, plan
@@ -253,3 +255,35 @@ def test_the_bound_is_of_the_true_motion_where_a_replay_would_leave_it() -> None
     first, second = bound(world), bound(touched)
     assert first["viscous"] > 0.5 * world.truth["viscous"]  # never fast
     assert list(second.values()) == pytest.approx(list(first.values()), rel=0.01)
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, row: scale_accuracy.Row) -> dict[str, float]:
+    """The bench's results if every number of two worlds had this row."""
+    monkeypatch.setattr(scale_accuracy, "draw", lambda *_: None)
+    monkeypatch.setattr(scale_accuracy, "rows", lambda _: dict.fromkeys(scale_accuracy.NAMES, row))
+    return {line["name"]: line["value"] for line in scale_accuracy.run(1, 2)}
+
+
+def test_errors_are_counted_beside_intervals_and_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = counted(monkeypatch, (0.02, 0.01, 0.02, 1.0))
+    assert found["determined"] == 14
+    assert found["95 % intervals that hold the truth"] == 0.0
+    assert found["beyond 6 standard deviations"] == 0
+    assert found["inertia: median error over that of the bound"] == pytest.approx(1.0 / 0.6745)
+
+
+def test_what_is_undetermined_with_a_low_bound_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "undetermined with a bound below 10 %"
+    assert counted(monkeypatch, (0.2, np.nan, 0.02, 1.0))[name] == 14
+    assert counted(monkeypatch, (0.2, np.nan, 0.2, 1.0))[name] == 0
+
+
+def test_a_log_is_read_with_its_own_stamps() -> None:
+    t = np.arange(10) * 1e-3
+    world = SimpleNamespace(name="test", t=t, position=t**2, torque_t=t[1:] + 2e-4, torque=t[1:])
+    read = scale_accuracy.recorded(world)  # type: ignore[arg-type]
+    assert read.torque_log is not None
+    assert read.torque_log[0].tolist() == world.torque_t.tolist()
+    assert read.torque.tolist() == [t[1], t[1], *t[1:9]]
+    world.torque_t, world.torque = t, t
+    assert scale_accuracy.recorded(world).torque_log is None  # type: ignore[arg-type]

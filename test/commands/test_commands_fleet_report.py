@@ -93,7 +93,7 @@ def test_a_url_is_read_through_fsspec(out: Path, tmp_path: Path) -> None:
 
 
 def test_without_fsspec_a_url_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    monkeypatch.setitem(sys.modules, "fsspec", None)
     with pytest.raises(InputError, match="URLs need the package fsspec"):
         run("s3://bucket/out", "-o", str(tmp_path))
 

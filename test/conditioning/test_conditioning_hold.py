@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import Akima1DInterpolator
 
 from tcs_friction.conditioning.hold import Between, LoggedTorque, fresh, logged, stale_stride
 
@@ -21,7 +22,7 @@ def test_integrals_are_those_of_the_torque(between: Between, acts: float) -> Non
     if between is Between.HELD:
         torque = VALUES[np.searchsorted(T, fine - acts, side="right") - 1]
     else:
-        torque = np.interp(fine - acts - 0.5e-3, T, VALUES)
+        torque = Akima1DInterpolator(T, VALUES)(fine - acts - 0.5e-3)
     step = fine[1] - fine[0]
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (torque[1:] + torque[:-1])) * step])
     lever = np.concatenate([[0.0], np.cumsum(0.5 * (impulse[1:] + impulse[:-1])) * step])
@@ -69,3 +70,12 @@ def test_lost_values_lie_on_a_line_and_pauses_stay() -> None:
     log = logged(t, np.array([0.0, 0.0, 2.0, 4.0, 0.0, 0.0, 7.0, 7.0]))
     assert log.t.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 20.0, 21.0]
     assert log.values[3] == pytest.approx(3.0)
+
+
+def test_only_what_was_lost_of_a_held_torque_is_rough() -> None:
+    t = np.delete(np.arange(300) * 1e-3, [40, 200])
+    log = logged(t, RANDOM.standard_normal(len(t)))
+    assert np.flatnonzero(log.roughness).tolist() == [40, 200]
+    assert (logged(T[:1] + 1e-3 * np.arange(50), VALUES[:50]).roughness == 0.0).all()
+    line = LoggedTorque(t, 1e3 * t**2, 1e-3).drawn(Between.LINE)
+    assert line.roughness[100] == pytest.approx(1e-3, rel=0.01)  # half the second difference of a parabola

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
+import numpy as np
 import pytest
 
 from tcs_friction.control.fading import FadingInput, Ramp
@@ -70,6 +71,40 @@ def test_one_stray_stamp_restarts_nothing(stray: int) -> None:
     assert driver.rule.judge(stray, 0.0, driver.now) is Step.REFUSED
     assert driver.rule.reason
     assert set(driver.run(1000, START + 1000 * TICK)) == {Step.NEXT}
+
+
+def distorted(random: np.random.Generator, count: int, doubled: float, swapped: float, stray: float) -> list[int]:
+    """Numbers of ticks: some come twice, some change places, and some are of half a minute ago."""
+    ticks = [k for k in range(count) for _ in range(2 if random.random() < doubled else 1)]
+    for k in range(1, count):
+        if random.random() < swapped:
+            ticks[k - 1], ticks[k] = ticks[k], ticks[k - 1]
+    return [k if random.random() >= stray else k - 30_000 for k in ticks]
+
+
+@pytest.mark.parametrize("faults", [(0.05, 0.0, 0.0), (0.0, 0.05, 0.0), (0.0, 0.0, 0.05), (0.2, 0.2, 0.1)])
+@pytest.mark.parametrize("jump", [0, 3600 * SECOND])
+def test_messages_that_come_twice_late_or_astray_keep_nobody_deaf(faults: tuple[float, float, float], jump: int) -> None:
+    """At the start and after a jump of the clock: believed as soon as without them, and only what follows is."""
+    driver = Driver().started() if jump else Driver()
+    before = driver.rule.last
+    steps, stamps = [], []
+    for number, k in enumerate(distorted(np.random.default_rng(3), 1000, *faults)):
+        steps.append(driver.rule.judge(START + 2 * SECOND + jump + k * TICK, 0.0, driver.now + 1e-3 * number, 0.0))
+        stamps.append(driver.rule.last)
+    believed = steps.index(Step.NEW_RUN)
+    assert believed < 800
+    after = stamps[believed:]
+    assert set(stamps[:believed]) == {before}
+    assert all(a <= b for a, b in itertools.pairwise(after)), "never back"
+    assert steps[believed:].count(Step.NEXT) > (1000 - 520) * 0.6
+
+
+def test_a_stray_from_the_future_is_given_up_for_what_comes_after_it() -> None:
+    driver = Driver()
+    assert driver.rule.judge(START + 3600 * SECOND, 0.0, driver.now, 0.0) is Step.REFUSED
+    steps = driver.run(1500, START)
+    assert 990 <= steps.index(Step.NEW_RUN) <= 1010, "the patience with the stray, and with these"
 
 
 def test_a_second_clock_beside_the_first_is_never_believed() -> None:

@@ -9,7 +9,7 @@ import pytest
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.live.headline import WARNING, WELL, WRONG, Situation, headline
 from tcs_friction.live.hub import units_of
-from tcs_friction.nodes.page_state import Condition, Job, Switches
+from tcs_friction.nodes.page.state import Condition, Job, Switches
 
 NOW = 1000.0
 

@@ -19,7 +19,7 @@ from tcs_friction.live import stream
 from tcs_friction.live.access import Access
 from tcs_friction.live.hub import ROTARY, Hub
 from tcs_friction.live.serving import bound, served, url
-from tcs_friction.nodes.page_state import Condition, Effect, Job, Switches
+from tcs_friction.nodes.page.state import Condition, Effect, Job, Switches
 
 TOKEN = "correct-horse-battery-staple"
 MARKUP = "<img src=x onerror=alert(1)>"

@@ -30,9 +30,9 @@ class Together:
     def __init__(self, arguments: Sequence[str], names: Sequence[str], axes: Sequence[str]) -> None:
         import rclpy
 
-        from tcs_friction.nodes.arguments import made_with
         from tcs_friction.nodes.axes import arguments_by_axis
-        from tcs_friction.nodes.executor import make_executor
+        from tcs_friction.nodes.core.arguments import made_with
+        from tcs_friction.nodes.core.executor import make_executor
         from tcs_friction.nodes.graph import factory
 
         by_axis = arguments_by_axis(axes, (), arguments)
@@ -54,7 +54,7 @@ class Together:
         """Spin until a condition holds; whether it did within the limit (s)."""
         from rclpy.task import Future
 
-        from tcs_friction.nodes.executor import spin
+        from tcs_friction.nodes.core.executor import spin
 
         done, deadline = Future(), time.monotonic() + limit
 
@@ -91,7 +91,7 @@ class Together:
         return done.result()
 
     def close(self) -> None:
-        from tcs_friction.nodes.executor import close
+        from tcs_friction.nodes.core.executor import close
 
         close(self.executor, [*self.nodes.values(), self.driver])
 
@@ -212,8 +212,8 @@ class Listener(Listening):
     def __init__(self) -> None:
         from sensor_msgs.msg import JointState
 
-        from tcs_friction.nodes.qos import COLLECT
-        from tcs_friction.nodes.wire import JointWire
+        from tcs_friction.nodes.core.qos import COLLECT
+        from tcs_friction.nodes.core.wire import JointWire
 
         self.states: list[tuple[float, ...]] = []
         self.health: dict[str, tuple[int, str]] = {}

@@ -22,10 +22,10 @@ from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.axes import arguments_by_axis
-from tcs_friction.nodes.beside import Beside
-from tcs_friction.nodes.executor import run
+from tcs_friction.nodes.core.executor import run
+from tcs_friction.nodes.core.jobs import Waiter
 from tcs_friction.nodes.graph import GRAPH, LOOP
-from tcs_friction.nodes.jobs import Waiter
+from tcs_friction.nodes.loop.beside import Beside
 from tcs_friction.physics.simulate import Simulator
 from tcs_friction.recording.info import bag_info
 from tcs_friction.recording.signals import SignalSource
@@ -390,8 +390,8 @@ def coupled_both_ways(folder: Path) -> tuple[str, str]:
 def test_one_axis_is_commissioned_while_the_other_moves(together: Callable[..., Any], tmp_path: Path) -> None:
     from tcs_friction_msgs.srv import SetMode
 
-    from tcs_friction.nodes.arguments import made_with
-    from tcs_friction.nodes.recorder import RecorderNode
+    from tcs_friction.nodes.bags.recorder import RecorderNode
+    from tcs_friction.nodes.core.arguments import made_with
 
     axes = coupled_both_ways(tmp_path)
     run, measure = short_runs(tmp_path)

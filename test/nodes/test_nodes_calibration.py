@@ -13,7 +13,7 @@ from test_nodes_lockstep import Ears, offline
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Reference, load_reference
-from tcs_friction.nodes.calibration import CalibrationMemory
+from tcs_friction.nodes.loop.calibration import CalibrationMemory
 
 
 def calibrated(graph: Any) -> Any:

@@ -13,13 +13,13 @@ import pytest
 from rclpy.action import ActionClient
 from tcs_friction_msgs.action import Commission as CommissionAction
 
+from tcs_friction.commissioning.journal import STATE
+from tcs_friction.commissioning.run import Run
 from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.result import SCHEMA
+from tcs_friction.nodes.core.jobs import Waiter
 from tcs_friction.nodes.graph import GRAPH
-from tcs_friction.nodes.jobs import Waiter
-from tcs_friction.nodes.journal import STATE
-from tcs_friction.nodes.runs import Run
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
@@ -80,7 +80,7 @@ def commissioned(
     """A graph whose plant has a ripple and whose diagnoser finds what the test says."""
 
     def make(*found: Any, **settings: Any) -> tuple[Any, Diagnosed]:
-        from tcs_friction.nodes import diagnoser
+        from tcs_friction.nodes.analysis import diagnoser
 
         told = Diagnosed(*found)
         monkeypatch.setattr(diagnoser, "diagnosed", told)
@@ -242,7 +242,7 @@ def test_a_motion_is_made_for_a_diagnosis_and_the_next_one_may_ask_for_another(
         written(directory, found)
         (directory / EXPERIMENT).write_text("reference: {kind: sinusoid, amplitude: 4.0e-3, period: 6.0, duration: 6.0}\n")
 
-    from tcs_friction.nodes import diagnoser
+    from tcs_friction.nodes.analysis import diagnoser
 
     monkeypatch.setattr(diagnoser, "write_diagnosis", asking)
     assert commission(graph, "out").result.success

@@ -370,8 +370,8 @@ class Commander:
         from sensor_msgs.msg import JointState
         from tcs_friction_msgs.msg import AxisTorque
 
-        from tcs_friction.nodes.qos import LISTEN, PUBLISH
-        from tcs_friction.nodes.wire import TORQUE, JointWire
+        from tcs_friction.nodes.core.qos import LISTEN, PUBLISH
+        from tcs_friction.nodes.core.wire import TORQUE, JointWire
 
         self.torque: float | None = torque
         self._publisher = node.create_publisher(AxisTorque, "torque_command", PUBLISH)

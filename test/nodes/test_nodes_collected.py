@@ -11,9 +11,9 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 
 from tcs_friction.errors import JobError
-from tcs_friction.nodes import joint_input, topic_input
-from tcs_friction.nodes.convert import set_stamp
-from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, JointWire
+from tcs_friction.nodes.core import joint_input, topic_input
+from tcs_friction.nodes.core.convert import set_stamp
+from tcs_friction.nodes.core.wire import ESTIMATE, REFERENCE, JointWire
 
 PERIOD = 0.01
 BEGIN = 1_700_000_000 * 10**9

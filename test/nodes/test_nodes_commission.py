@@ -19,9 +19,9 @@ from tcs_friction_msgs.msg import AxisTorque
 from tcs_friction_msgs.srv import Diagnose, Identify, SetMode
 
 from tcs_friction.config import load_axis
+from tcs_friction.nodes.core.jobs import Waiter
+from tcs_friction.nodes.core.qos import PUBLISH
 from tcs_friction.nodes.graph import GRAPH
-from tcs_friction.nodes.jobs import Waiter
-from tcs_friction.nodes.qos import PUBLISH
 from tcs_friction.recording.bags import read_recordings
 
 CANCELED = 5
@@ -236,7 +236,7 @@ def test_commissioning_names_a_node_that_is_not_there(together: Callable[..., An
 def test_the_compensator_refuses_bad_parameters_whole(together: Callable[..., Any]) -> None:
     from tcs_friction_msgs.msg import LugreParameters
 
-    from tcs_friction.nodes.convert import lugre_message
+    from tcs_friction.nodes.core.convert import lugre_message
 
     graph = together(nodes=["lugre_compensator"])
     node = graph["lugre_compensator"]

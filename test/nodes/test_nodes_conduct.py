@@ -16,7 +16,7 @@ from test_nodes_commission import CANCELED, act, call, switches
 
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.control.tracking import Improvement
-from tcs_friction.nodes.convert import lugre_message
+from tcs_friction.nodes.core.convert import lugre_message
 from tcs_friction.nodes.graph import GRAPH
 
 ABORTED = 6
@@ -189,7 +189,7 @@ def test_a_reference_that_has_lost_the_axis_for_a_moment_is_asked_again(
     from types import SimpleNamespace
 
     from tcs_friction.errors import JobError
-    from tcs_friction.nodes import programme
+    from tcs_friction.nodes.commissioning import programme
 
     monkeypatch.setattr(programme, "RESTS", 0.0)
     asked: list[str] = []

@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
-from tcs_friction.nodes.driver import judge
+from tcs_friction.nodes.core.joint_states import judge
 
 REAL_TIME = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "switch1:=true")
 

@@ -21,10 +21,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tcs_friction.errors import InputError, JobError
-from tcs_friction.nodes import serial_port
-from tcs_friction.nodes.dynamometer import DynamometerConfig
-from tcs_friction.nodes.gauge import LONGEST, PROTOCOLS, UNITS, GaugeError, newtons
-from tcs_friction.nodes.serial_port import SerialPort
+from tcs_friction.nodes.drivers import serial_port
+from tcs_friction.nodes.drivers.dynamometer import DynamometerConfig
+from tcs_friction.nodes.drivers.gauge import LONGEST, PROTOCOLS, UNITS, GaugeError, newtons
+from tcs_friction.nodes.drivers.serial_port import SerialPort
 
 WARN = 1
 

@@ -14,7 +14,7 @@ import gc
 import rclpy
 from rclpy.action import ActionClient, ActionServer
 from rclpy.clock import ROSClock
-from tcs_friction.nodes.executor import close, make_executor
+from tcs_friction.nodes.core.executor import close, make_executor
 from tcs_friction.nodes.graph import factory
 
 for name in ("identifier", "commission"):

@@ -14,9 +14,9 @@ from rclpy.parameter import Parameter
 from tcs_friction_msgs.srv import Identify, SetMode
 
 from tcs_friction.config import load_axis, save_axis
+from tcs_friction.nodes.core.jobs import Waiter
+from tcs_friction.nodes.core.wire import ESTIMATE, JointWire
 from tcs_friction.nodes.graph import GRAPH
-from tcs_friction.nodes.jobs import Waiter
-from tcs_friction.nodes.wire import ESTIMATE, JointWire
 
 WIRE = JointWire("azimuth")
 TICK = 10**6  # ns

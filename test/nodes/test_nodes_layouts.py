@@ -13,10 +13,10 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from tcs_friction.nodes.bag_topics import installed_definition, message_class
-from tcs_friction.nodes.event_ring import write_bag
+from tcs_friction.nodes.bags.bag_topics import installed_definition, message_class
+from tcs_friction.nodes.bags.event_ring import write_bag
+from tcs_friction.nodes.core.wire import EVIDENCE
 from tcs_friction.nodes.graph import GRAPH
-from tcs_friction.nodes.wire import EVIDENCE
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.record import definition_text
 

@@ -9,8 +9,8 @@ import pytest
 
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.errors import InputError, JobError
-from tcs_friction.nodes import learned
-from tcs_friction.nodes.learned import identity, load_learned, save_learned
+from tcs_friction.nodes.analysis import learned
+from tcs_friction.nodes.analysis.learned import identity, load_learned, save_learned
 
 AXIS = load_axis(shipped("azimuth_1p2m.yaml")).axis
 

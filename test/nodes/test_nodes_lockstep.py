@@ -16,8 +16,8 @@ from rclpy.parameter import Parameter
 from tcs_friction.config import load_axis, save_axis
 from tcs_friction.control.loop import Cancellation, LoopRun, simulate_loop
 from tcs_friction.control.reference import Reference, load_reference
+from tcs_friction.nodes.core.wire import ESTIMATE, REFERENCE, TORQUE, JointWire
 from tcs_friction.nodes.graph import GRAPH, LOOP
-from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE, JointWire
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 
@@ -48,7 +48,7 @@ class Ears:
         from sensor_msgs.msg import JointState
         from tcs_friction_msgs.msg import AxisReference, AxisTorque, FrictionEstimate
 
-        from tcs_friction.nodes.qos import COLLECT
+        from tcs_friction.nodes.core.qos import COLLECT
 
         joint = JointWire("azimuth")
         wires: dict[str, tuple[Any, Callable[[bytes], tuple[int, tuple[float, ...]]]]] = {

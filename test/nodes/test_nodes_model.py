@@ -17,7 +17,7 @@ from std_msgs.msg import Float64
 
 from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.model_compensator import ModelCompensator
-from tcs_friction.nodes.wire import REFERENCE, TORQUE
+from tcs_friction.nodes.core.wire import REFERENCE, TORQUE
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.signals import SignalMap, SignalSource

@@ -23,11 +23,12 @@ from tcs_friction.config import load_axis, shipped
 from tcs_friction.control.loop import LoopConfig, simulate_loop
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import event_ring, joint_input
-from tcs_friction.nodes.convert import nanoseconds
-from tcs_friction.nodes.event_ring import EventRing, new_name, write_bag
-from tcs_friction.nodes.qos import COLLECT, PUBLISH
-from tcs_friction.nodes.wire import REFERENCE, JointWire
+from tcs_friction.nodes.bags import event_ring
+from tcs_friction.nodes.bags.event_ring import EventRing, new_name, write_bag
+from tcs_friction.nodes.core import joint_input
+from tcs_friction.nodes.core.convert import nanoseconds
+from tcs_friction.nodes.core.qos import COLLECT, PUBLISH
+from tcs_friction.nodes.core.wire import REFERENCE, JointWire
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.definitions import Channel
 

@@ -17,9 +17,9 @@ from tcs_friction_msgs.action import Commission
 
 from tcs_friction.cli import main
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import demo
+from tcs_friction.nodes import own_graph
+from tcs_friction.nodes.core.qos import LISTEN
 from tcs_friction.nodes.graph import LOOP
-from tcs_friction.nodes.qos import LISTEN
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.signals import graph_signals
 
@@ -126,7 +126,7 @@ def test_the_demo_runs_on_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ca
     run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 1.0, acceleration: 1.0e-2, duration: 3.6}\n")
     measure.write_text("reference: {kind: sinusoid, amplitude: 1.0e-3, period: 3.0, duration: 3.5}\n")
     short = {"measure_file": measure, "settle": 1.0, "diagnoses": 0}
-    monkeypatch.setattr(demo, "SETTINGS", demo.SETTINGS | short)
+    monkeypatch.setattr(own_graph, "SETTINGS", own_graph.SETTINGS | short)
     words = ["demo", "--plant", "mujoco", "--reference", str(run), "-o", str(tmp_path / "out"), "--json"]
     assert main(words) == 0
     content = json.loads(capfd.readouterr().out)

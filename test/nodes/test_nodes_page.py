@@ -14,11 +14,11 @@ from test_nodes_security import EVERYWHERE, of_node, policy
 
 from benchmarks.listening import wait_until
 from tcs_friction.commands.live import beside
+from tcs_friction.commissioning.setup import MODELLED
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.nodes.graph import GRAPH, LOOP
-from tcs_friction.nodes.modes import MODELLED
-from tcs_friction.nodes.page_state import CANCEL, LEAVE_OUT, TOPICS, Condition, Job, Switches
-from tcs_friction.nodes.page_switches import effects_of
+from tcs_friction.nodes.page.state import CANCEL, LEAVE_OUT, TOPICS, Condition, Job, Switches
+from tcs_friction.nodes.page.switches import effects_of
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 
@@ -52,7 +52,7 @@ class Sink:
 
 
 def with_page(together: Callable[..., Any], *arguments: str, nodes: tuple[str, ...] = LOOP) -> tuple[Any, Sink, Any]:
-    from tcs_friction.nodes.page_feed import PageFeed
+    from tcs_friction.nodes.page.feed import PageFeed
 
     graph, sink = together(*arguments, nodes=nodes), Sink()
     page = graph.nodes["live"] = PageFeed(sink)
@@ -140,7 +140,7 @@ def test_without_a_model_no_effect_is_switched(together: Callable[..., Any]) -> 
 
 
 def test_an_order_that_nobody_answers_ends(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    from tcs_friction.nodes import page_orders
+    from tcs_friction.nodes.page import orders as page_orders
 
     monkeypatch.setattr(page_orders, "ANSWER_LIMIT", 0.3)
     graph, sink, _ = with_page(together, nodes=("reference",))

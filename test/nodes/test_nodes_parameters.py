@@ -10,22 +10,23 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
+from tcs_friction.control.config_field import flatten
 from tcs_friction.control.shaper import Shaper
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import files, parameters
-from tcs_friction.nodes.controller import ControllerConfig
-from tcs_friction.nodes.dob import DobNodeConfig
+from tcs_friction.nodes.core import files, parameters
 from tcs_friction.nodes.graph import CLASSES, GRAPH
-from tcs_friction.nodes.reference import ReferenceConfig
+from tcs_friction.nodes.loop.controller import ControllerConfig
+from tcs_friction.nodes.loop.dob import DobNodeConfig
+from tcs_friction.nodes.loop.reference import ReferenceConfig
 
 OF_ROS = ("axis", "use_sim_time", "start_type_description_service")
 
 
 def test_nested_settings_have_dotted_names() -> None:
-    flat = parameters.flatten(DobNodeConfig())
+    flat = flatten(DobNodeConfig())
     assert flat["plant.first"][0].unit == "kg m^2"
     assert "switch1" in flat
-    assert parameters.flatten(ReferenceConfig())["sinusoid.amplitude"][1] > 0.0
+    assert flatten(ReferenceConfig())["sinusoid.amplitude"][1] > 0.0
 
 
 def test_a_change_leaves_the_rest_alone() -> None:
@@ -41,7 +42,7 @@ def test_every_parameter_is_described(together: Callable[..., Any], name: str) -
     graph = together(nodes=[name])
     node = graph[name]
     names = [entry for entry in node._parameters if entry not in OF_ROS and not entry.startswith("qos")]
-    flat = parameters.flatten(node.config)
+    flat = flatten(node.config)
     assert sorted(names) == sorted(flat)
     for entry, (declared, _) in flat.items():
         described = node.describe_parameter(entry)

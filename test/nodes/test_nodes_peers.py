@@ -11,9 +11,9 @@ from rclpy.parameter import Parameter
 from tcs_friction_msgs.srv import Diagnose, Identify
 
 from tcs_friction.errors import InputError
+from tcs_friction.nodes.core.jobs import Waiter
+from tcs_friction.nodes.core.peers import new_results, result_directory
 from tcs_friction.nodes.entry import DISCOVERY, PROFILES, RANGE, hear_over_udp, stay_local
-from tcs_friction.nodes.jobs import Waiter
-from tcs_friction.nodes.peers import new_results, result_directory
 
 SECRET = "root:$y$j9T$secret:19000:0:99999"
 

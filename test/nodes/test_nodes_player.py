@@ -24,9 +24,9 @@ from std_srvs.srv import Trigger
 
 from benchmarks import hostile_bags as hostile
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.bag_topics import profiles_text
-from tcs_friction.nodes.executor import make_executor
-from tcs_friction.nodes.player import Pace, PlayerNode
+from tcs_friction.nodes.bags.bag_topics import profiles_text
+from tcs_friction.nodes.bags.player import Pace, PlayerNode
+from tcs_friction.nodes.core.executor import make_executor
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.encode import encoded
 from tcs_friction.recording.write import EPOCH, write_bag
@@ -213,7 +213,7 @@ def test_a_node_in_the_middle_of_its_making_obeys_sigint(tmp_path: Path) -> None
     begun = tmp_path / "begun"
     code = (
         "import pathlib, time\n"
-        "from tcs_friction.nodes.executor import run\n"
+        "from tcs_friction.nodes.core.executor import run\n"
         f"raise SystemExit(run(lambda: (pathlib.Path({str(begun)!r}).touch(), time.sleep(60))))\n"
     )
     child = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)

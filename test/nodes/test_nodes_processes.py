@@ -120,7 +120,7 @@ def test_in_real_time_a_rival_whose_stamps_are_of_no_state_is_not_obeyed(process
     from sensor_msgs.msg import JointState
     from tcs_friction_msgs.msg import AxisTorque
 
-    from tcs_friction.nodes.wire import TORQUE, JointWire
+    from tcs_friction.nodes.core.wire import TORQUE, JointWire
 
     loop = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "compensator:=false", "-p", "observer:=false")
     start(processes, *loop, names=("plant", "reference", "controller"))

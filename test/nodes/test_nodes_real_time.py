@@ -20,8 +20,8 @@ from rclpy.parameter import Parameter
 
 from tcs_friction.control.joining import Phase
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.health import Health, Judgement, Level
-from tcs_friction.nodes.wire import ESTIMATE, REFERENCE, TORQUE, UNREADABLE, JointWire
+from tcs_friction.nodes.core.health import Health, Judgement, Level
+from tcs_friction.nodes.core.wire import ESTIMATE, REFERENCE, TORQUE, UNREADABLE, JointWire
 
 PERIOD = 0.01
 SETTINGS = {
@@ -53,7 +53,7 @@ class Watch:
         from sensor_msgs.msg import JointState
         from tcs_friction_msgs.msg import AxisReference, AxisTorque
 
-        from tcs_friction.nodes.qos import COLLECT
+        from tcs_friction.nodes.core.qos import COLLECT
 
         self.references: list[tuple[float, ...]] = []
         self.torques: list[float] = []
@@ -227,8 +227,8 @@ def test_internal_state_that_left_the_range_of_numbers_is_reset_with_a_report(
 
 def test_a_lost_compensation_fades_out_of_the_command(together: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """The axis stays at its reference, so that the command is the compensation. It stops after three seconds."""
-    from tcs_friction.nodes import controller as module
-    from tcs_friction.nodes import joint_input
+    from tcs_friction.nodes.core import joint_input
+    from tcs_friction.nodes.loop import controller as module
 
     controller = together(*REAL_TIME, "-p", "observer:=false", nodes=["controller"])["controller"]
     commands: list[float] = []
@@ -327,7 +327,7 @@ def test_a_silent_second_controller_is_a_rival_once_it_cannot_be_a_dead_one(
 ) -> None:
     from tcs_friction_msgs.msg import AxisTorque
 
-    from tcs_friction.nodes import rivals
+    from tcs_friction.nodes.core import rivals
 
     monkeypatch.setattr(rivals, "LEASE", 1.0, raising=False)
     graph = running(together(*REAL_TIME))
@@ -345,7 +345,7 @@ class Steady:
     """A steady clock that the test moves: what depends on time is then the same on any machine."""
 
     def __init__(self, plant: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-        from tcs_friction.nodes import plant as module
+        from tcs_friction.nodes.loop import plant as module
 
         self.now = plant._began
         self._plant = plant

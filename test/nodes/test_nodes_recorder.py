@@ -26,15 +26,15 @@ from rclpy.task import Future
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
-from tcs_friction.nodes.bag_topics import (
+from tcs_friction.nodes.bags.bag_topics import (
     installed_definition,
     message_class,
     profiles_text,
     publisher_profile,
     subscription_profile,
 )
-from tcs_friction.nodes.executor import make_executor
-from tcs_friction.nodes.recorder import RecorderNode
+from tcs_friction.nodes.bags.recorder import RecorderNode
+from tcs_friction.nodes.core.executor import make_executor
 from tcs_friction.recording.bags import Bag, read_recordings
 from tcs_friction.recording.signals import SignalMap, SignalSource
 
@@ -126,7 +126,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_second(graph: Any, tmp_path: 
     bag = tmp_path / "bag"
     (node,), _ = graph([], talker)
     states = node.create_publisher(JointState, "/killed/joint_states", 1000)
-    program = "import sys; from tcs_friction.nodes.recorder import main; sys.exit(main())"
+    program = "import sys; from tcs_friction.nodes.bags.recorder import main; sys.exit(main())"
     arguments = ["--ros-args", "-p", f"bag:={bag}", "-p", "topics:=[/killed/joint_states]"]
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
     with subprocess.Popen([sys.executable, "-c", program, *arguments], env=environment, stderr=subprocess.DEVNULL) as process:
@@ -243,7 +243,7 @@ def recorder_process(bag: Path, topics: str, limit: int = resource.RLIM_INFINITY
     program = (
         f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
         "from tcs_friction import writable; writable.ROOM = 1\n"
-        "from tcs_friction.nodes.recorder import main; sys.exit(main())"
+        "from tcs_friction.nodes.bags.recorder import main; sys.exit(main())"
     )
     arguments = ["--ros-args", "-p", f"bag:={bag}", "-p", f"topics:=[{topics}]"]
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}

@@ -19,10 +19,10 @@ from rclpy.executors import SingleThreadedExecutor
 from tcs_friction_msgs.srv import Identify
 
 from tcs_friction import cli
+from tcs_friction.commissioning.run import Run
 from tcs_friction.config import load_axis, save_axis
 from tcs_friction.control.loop import simulate_loop
 from tcs_friction.control.reference import Reference, load_reference
-from tcs_friction.nodes.runs import Run
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 PERIOD = 4e-3  # s, with which the run is recorded

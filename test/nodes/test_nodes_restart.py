@@ -14,8 +14,8 @@ from rclpy.serialization import deserialize_message
 from tcs_friction_msgs.action import Commission as CommissionAction
 from tcs_friction_msgs.msg import LugreParameters
 
-from tcs_friction.nodes.convert import friction_of
-from tcs_friction.nodes.journal import STATE
+from tcs_friction.commissioning.journal import STATE
+from tcs_friction.nodes.core.convert import friction_of
 
 
 class Goal:

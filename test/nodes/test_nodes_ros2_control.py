@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -40,8 +41,8 @@ class Robot:
         from std_msgs.msg import Float64MultiArray
         from tcs_friction_msgs.msg import AxisTorque
 
-        from tcs_friction.nodes.qos import LISTEN, PUBLISH
-        from tcs_friction.nodes.wire import TORQUE, JointWire
+        from tcs_friction.nodes.core.qos import LISTEN, PUBLISH
+        from tcs_friction.nodes.core.wire import TORQUE, JointWire
 
         self.torque: float | None = torque
         self.applied: list[list[float]] = [[0.0] * 3]
@@ -211,10 +212,77 @@ def test_a_controller_that_is_switched_off_or_commanded_by_others(beside: Callab
     assert graph.until(lambda: robot.acts(40.0), 10.0), "another publisher that is silent is none"
     timer = graph.driver.create_timer(0.02, lambda: rival.publish(Float64MultiArray(data=[1.0, 2.0])))
     assert graph.until(lambda: "somebody else commands /effort_controller/commands" in driver.health.problem, 10.0)
-    assert graph.until(lambda: driver.hardware._command is None, 10.0)
-    graph.for_seconds(0.2)
+    assert graph.until(lambda: "the controller keeps their 2 N m" in driver.health.problem, 10.0)
+    graph.for_seconds(0.4)
     assert robot.now == [1.0, 2.0, 0.0], "the robot is left to them"
     graph.driver.destroy_timer(timer)
+    assert graph.until(lambda: robot.acts(0.0), 10.0), "nothing of theirs stays"
+    assert graph.until(lambda: "their 2 N m was replaced by zero" in driver.health.problem, 10.0)
+    rival.publish(Float64MultiArray(data=[1.0, 3.0]))
+    assert graph.until(lambda: robot.now[1] == 3.0, 10.0)
+    assert graph.until(lambda: robot.acts(0.0), 10.0), "nor of what comes later"
+    reactivate(driver)
+    assert graph.until(lambda: robot.acts(40.0), 10.0)
+
+
+def test_a_rivals_torque_ends_with_it_and_at_once_where_the_axis_is_too_fast(processes: Any) -> None:
+    """As `ros2 topic pub` does it: 130 N m, more than friction, for a second, and the node is a process of its own."""
+    from std_msgs.msg import Float64MultiArray
+
+    ears = Listening("commander")
+    robot = Robot(ears.node, wait_until, 40.0)
+    positions: list[float] = []
+    ears.begin()
+    try:
+        rival = ears.node.create_publisher(Float64MultiArray, "/effort_controller/commands", 10)
+        processes.start("ros2_control_driver", *ARGUMENTS, "-p", "overspeed:=0.01")
+        assert wait_until(lambda: robot.acts(40.0), 40.0), processes.log("ros2_control_driver")
+        begun, end = len(robot.applied), time.monotonic() + 1.0
+        while time.monotonic() < end:
+            rival.publish(Float64MultiArray(data=[7.0, 130.0]))
+            positions.append(robot.states[-1][1])
+            time.sleep(PERIOD)
+        assert wait_until(lambda: robot.acts(0.0), 10.0), "theirs is gone"
+        assert max(state[2] for state in robot.states) < 0.03, "0.13 rad/s without anybody who ends it"
+        heard = [axis for _, axis, _ in robot.applied[begun:]]
+        fast = next(k for k, axis in enumerate(heard) if axis == 130.0)
+        assert 0.0 in heard[fast : len(heard) // 2], "zero while they still command: the axis was too fast"
+        rests = robot.states[-1][1]
+        assert wait_until(lambda: len(robot.states) > 100 and abs(robot.states[-1][2]) < 1e-3, 10.0)
+        assert abs(robot.states[-1][1] - rests) < 1e-3
+        assert "their 130 N m was replaced by zero" in processes.log("ros2_control_driver")
+    finally:
+        ears.close()
+        robot.close()
+
+
+def test_the_controller_keeps_within_the_limits_of_the_robot(processes: Any) -> None:
+    """URDF: 40 N m and 0.08 rad/s, axis file: 1000 N m and 0.1 rad/s. A demand for more gets 40 N m, not nothing."""
+    from tcs_friction_msgs.msg import AxisReference
+
+    from tcs_friction.nodes.core.qos import PUBLISH
+    from tcs_friction.nodes.core.wire import REFERENCE
+
+    ears = Listening("commander")
+    robot = Robot(ears.node, wait_until, 40.0, "-p", "effort_limit:=40.0")
+    robot.torque = None
+    references = ears.node.create_publisher(AxisReference, "reference", PUBLISH)
+    ears.begin()
+    try:
+        processes.start("ros2_control_driver", *ARGUMENTS)
+        alone = ("-p", "compensator:=false", "-p", "observer:=false", "-p", "following_limit:=1.0")
+        processes.start("controller", *ARGUMENTS[:-2], *alone)
+        assert wait_until(lambda: len(robot.states) > 20, 40.0), processes.log("ros2_control_driver")
+        end = time.monotonic() + 20.0
+        while time.monotonic() < end and not robot.acts(40.0):  # 0.2 rad away: the speed loop wants 14 kN m
+            references.publish(REFERENCE.write(int(robot.states[-1][0]), robot.states[-1][1] + 0.2, 0.0, 0.0))
+            time.sleep(PERIOD / 2)
+        assert robot.acts(40.0), (robot.now, processes.log("controller"))
+        assert "limits: 40 N m, 0.09 rad/s, where the driver's are smaller" in processes.log("controller")
+        assert "was refused, the limit is" not in processes.log("ros2_control_driver")
+    finally:
+        ears.close()
+        robot.close()
 
 
 @pytest.mark.parametrize(

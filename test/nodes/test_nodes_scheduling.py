@@ -16,8 +16,8 @@ from sensor_msgs.msg import JointState
 
 from tcs_friction.cli import main
 from tcs_friction.errors import InputError
-from tcs_friction.nodes import scheduling
-from tcs_friction.nodes.base import AxisNode
+from tcs_friction.nodes.core import scheduling
+from tcs_friction.nodes.core.base import AxisNode
 from tcs_friction.nodes.graph import LOOP
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="scheduling is set on Linux only")

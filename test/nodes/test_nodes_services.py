@@ -12,8 +12,8 @@ from std_srvs.srv import Trigger
 from benchmarks.services import ARGUMENTS, Stress
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.errors import JobError
-from tcs_friction.nodes.calibration import CalibrationMemory, calibrated
 from tcs_friction.nodes.graph import GRAPH
+from tcs_friction.nodes.loop.calibration import CalibrationMemory, calibrated
 
 WORDS = [word for entry in ARGUMENTS for word in ("-p", entry)]
 PERIOD = 5e-3

@@ -13,10 +13,10 @@ import pytest
 import rclpy
 from rclpy.parameter import Parameter
 
-from tcs_friction.control.config_field import Setting
-from tcs_friction.nodes import parameters
+from tcs_friction.control.config_field import Setting, flatten
+from tcs_friction.nodes.core import parameters
+from tcs_friction.nodes.core.plain_node import PlainNode
 from tcs_friction.nodes.graph import CLASSES, GRAPH, OTHERS, PLANTS, module_of
-from tcs_friction.nodes.plain_node import PlainNode
 
 REMEMBERED = {
     "_waiting",  # a reference that was set begins when the axis is heard
@@ -24,6 +24,7 @@ REMEMBERED = {
     "_accepted",
     "_order",  # stamps of recent states
     "_run",  # which run of a plant it is
+    "_given",  # what users have set
 }
 """Attributes that tell what has happened, and not how the node is set."""
 
@@ -94,7 +95,7 @@ def test_a_parameter_acts_or_is_refused(monkeypatch: pytest.MonkeyPatch, name: s
 
     usual, again = started(), started()
     steady = {path for path in usual if again.get(path) == usual[path]}  # the rest is the time of the day
-    for entry, (declared, value) in parameters.flatten(node.config).items():
+    for entry, (declared, value) in flatten(node.config).items():
         wanted = another(declared, value)
         answer = node.set_parameters([Parameter(entry, value=wanted)])[0]
         if declared.fixed:
@@ -117,7 +118,7 @@ def test_what_a_node_uses_from_the_start_on_cannot_be_set(name: str) -> None:
     module = importlib.import_module(module_of(name))
     (kind,) = [entry for key, entry in vars(module).items() if key.lower() == f"{name}config"]
     node: PlainNode[Any] = PlainNode(f"{name}_test", kind())
-    for entry, (declared, value) in parameters.flatten(node.config).items():
+    for entry, (declared, value) in flatten(node.config).items():
         wanted = another(declared, value)
         answer = node.set_parameters([Parameter(entry, value=list(wanted) if isinstance(wanted, tuple) else wanted)])[0]
         assert not answer.successful, entry

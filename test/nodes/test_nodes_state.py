@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcs_friction.nodes.health import Health, Judgement
-from tcs_friction.nodes.log_lines import Problems, Warnings
-from tcs_friction.nodes.series import Series
+from tcs_friction.nodes.core.health import Health, Judgement
+from tcs_friction.nodes.core.log_lines import Problems, Warnings
+from tcs_friction.nodes.core.series import Series
 
 
 def test_series_keeps_each_stamp_once_in_order() -> None:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from tcs_friction.nodes.convert import SECOND, nanoseconds, set_stamp
-from tcs_friction.nodes.wire import ESTIMATE, EVIDENCE, REFERENCE, TORQUE, JointWire, Wire
+from tcs_friction.nodes.core.convert import SECOND, nanoseconds, set_stamp
+from tcs_friction.nodes.core.wire import ESTIMATE, EVIDENCE, REFERENCE, TORQUE, JointWire, Wire
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 stamps = st.integers(0, 2**31 * SECOND - 1)

@@ -6,10 +6,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from tcs_friction.nodes.core.executor import run
 from tcs_friction.nodes.drivers.canopen_hardware import CanopenHardware
 from tcs_friction.nodes.drivers.canopen_settings import DriveSettings
 from tcs_friction.nodes.drivers.driver_node import DriverConfig, DriverNode
-from tcs_friction.nodes.executor import run
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ class CanopenHardware(Hardware):
             self._wanted, self._waits_since = True, time.monotonic()
         self._torque = torque
 
-    def stop(self, reason: str) -> None:  # noqa: ARG002
+    def stop(self, reason: str, exceeded: bool = False) -> None:  # noqa: ARG002
         self._wanted = self._was_ready = False
         self._torque = 0.0
 

@@ -7,6 +7,7 @@ definitions differ between releases of ROS, and which controllers hold a robot i
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from typing import Any
@@ -18,8 +19,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
-from tcs_friction.nodes.qos import COLLECT, LISTEN
-from tcs_friction.nodes.steady import steady_timer
+from tcs_friction.nodes.core.qos import COLLECT, LISTEN
+from tcs_friction.nodes.core.steady import steady_timer
+from tcs_friction.nodes.core.wire import message_of
 
 ASK_EVERY = 1.0  # s
 SILENT = 5.0
@@ -108,12 +110,26 @@ class OtherCommands:
     def __init__(self, node: Node, topic: str) -> None:
         self._node, self._topic = node, topic
         self._sent: deque[bytes] = deque(maxlen=SENT)
-        self._heard_at = -REMEMBERED
+        self._heard_at = -math.inf
+        self._heard = b""
+        self.replaced = False
+        """Whether a command of our own has followed theirs."""
         self._subscription: Any = None
 
     def sent(self, data: bytes) -> None:
         """A command of our own."""
         self._sent.append(data)
+        self.replaced = True
+
+    @property
+    def efforts(self) -> tuple[float, ...] | None:
+        """The last command of somebody else, N m for each joint of the controller; None before the first."""
+        message = message_of(self._heard, Float64MultiArray) if self._heard else None
+        return None if message is None else tuple(message.data)
+
+    def silent(self, now: float, limit: float) -> bool:
+        """Whether nobody else has commanded for so many seconds."""
+        return now - self._heard_at >= limit
 
     def look(self) -> None:
         """From time to time: listen while there are others."""
@@ -132,7 +148,8 @@ class OtherCommands:
 
     def _hear(self, data: bytes) -> None:
         if data not in self._sent:
-            self._heard_at = time.monotonic()
+            self._heard_at, self._heard = time.monotonic(), data
+            self.replaced = False
 
 
 def _last(name: str) -> str:

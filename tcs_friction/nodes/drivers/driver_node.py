@@ -15,22 +15,22 @@ from typing import TypeVar
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque
 
-from tcs_friction.config import AxisFile
+from tcs_friction.config import AxisFile, control_of
 from tcs_friction.control.plausible import ranges
 from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.base import LOCK_STEP, REAL_TIME, control_of, derived
-from tcs_friction.nodes.convert import SECOND
+from tcs_friction.nodes.core.base import LOCK_STEP, REAL_TIME, derived
+from tcs_friction.nodes.core.convert import SECOND
+from tcs_friction.nodes.core.health import Level
+from tcs_friction.nodes.core.managed import ManagedConfig, ManagedNode
+from tcs_friction.nodes.core.qos import LISTEN
+from tcs_friction.nodes.core.rivals import Rivals
+from tcs_friction.nodes.core.steady import steady_timer
+from tcs_friction.nodes.core.wire import TORQUE, JointWire
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
-from tcs_friction.nodes.gate import say, torque_limits
-from tcs_friction.nodes.health import Level
-from tcs_friction.nodes.managed import ManagedConfig, ManagedNode
-from tcs_friction.nodes.plant import COMMAND
-from tcs_friction.nodes.qos import LISTEN
-from tcs_friction.nodes.rivals import Rivals
-from tcs_friction.nodes.steady import steady_timer
-from tcs_friction.nodes.wire import TORQUE, JointWire
+from tcs_friction.nodes.loop.gate import LimitsPublisher, say, torque_limits
+from tcs_friction.nodes.loop.plant import COMMAND
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class DriverNode(ManagedNode[D]):
         self._recent = RecentStates(self.config.age_limit)
         self._answers = AnswerRule(self._recent)
         self._gate = TorqueGate(self.config, self.config.ramp_time)
+        self._limits = LimitsPublisher(self)
         self._measured, self._measured_at = Measured(-1, math.nan, math.nan, math.nan), -math.inf
         self.health.expect(COMMAND, Level.WARN)
         self.hardware = self.make(self.config)
@@ -87,8 +88,14 @@ class DriverNode(ManagedNode[D]):
     def configure(self, config: D) -> None:
         super().configure(config)
         self._recent.configure(config.age_limit)
-        self._gate.configure(self.limits(config), config.ramp_time)
+        self.use_limits(config)
         self._wire = JointWire(self.file.axis.name)
+
+    def use_limits(self, config: D) -> None:
+        """Let the limits hold, and tell them."""
+        limits = self.limits(config)
+        self._gate.configure(limits, config.ramp_time)
+        self._limits.tell(self.file.axis.name, limits)
 
     def limits(self, config: D) -> TorqueLimits:
         """What holds of the configured limits. For subclasses that know narrower ones."""
@@ -144,7 +151,7 @@ class DriverNode(ManagedNode[D]):
         self._say_drive()
         say(verdict, self.health)
         if verdict.doubt and not self._gate.share:
-            hardware.stop(verdict.doubt)
+            hardware.stop(verdict.doubt, verdict.exceeded)
         else:
             hardware.apply(verdict.torque)
 

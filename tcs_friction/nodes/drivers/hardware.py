@@ -39,8 +39,11 @@ class Hardware(ABC):
         """Torque (N m) that is let on: at every period, and as soon as another has been commanded. Switches the drive on."""
 
     @abstractmethod
-    def stop(self, reason: str) -> None:
-        """There is to be no torque, for a stated reason: at every period instead of `apply`. Switches the drive off."""
+    def stop(self, reason: str, exceeded: bool = False) -> None:
+        """There is to be no torque, for a stated reason: at every period instead of `apply`. Switches the drive off.
+
+        exceeded: speed or travel is beyond its limit.
+        """
 
     @abstractmethod
     def tick(self) -> None:

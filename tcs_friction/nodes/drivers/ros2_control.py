@@ -2,7 +2,8 @@
 
 A forward command controller keeps its last command for ever, and the hardware keeps it while the controller is off. So nothing is
 sent before everything is known, and from the first torque on there is a command in every period, zero where there is to be no
-torque, until the node is deactivated, or ends, or somebody else commands.
+torque, until the node is deactivated or ends. While somebody else commands nothing is sent, unless the axis moves too fast or too
+far; what they leave behind is replaced by zero as soon as they are silent.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
+from tcs_friction.nodes.core.joint_input import JointInput
+from tcs_friction.nodes.core.managed import ManagedNode
+from tcs_friction.nodes.core.qos import LISTEN, NEWEST
+from tcs_friction.nodes.core.steady import steady_timer
+from tcs_friction.nodes.core.wire import message_of
 from tcs_friction.nodes.drivers.controller_watch import ControllerWatch, OtherCommands
 from tcs_friction.nodes.drivers.effort_commands import EffortCommand, Others, objection
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
-from tcs_friction.nodes.joint_input import JointInput
-from tcs_friction.nodes.managed import ManagedNode
-from tcs_friction.nodes.qos import LISTEN, NEWEST
-from tcs_friction.nodes.steady import steady_timer
-from tcs_friction.nodes.wire import message_of
 
 STATES = "/joint_states"
 LOOK_EVERY = 0.1  # s
@@ -67,6 +68,7 @@ class RobotJoint(Hardware):
         self._command: EffortCommand | None = None
         self._sent, self._stopped_at = 0.0, -math.inf
         self._joints: tuple[str, ...] = ()
+        self._obstacle_met = ""
         self.waits = NOT_LOOKED
         self.needed = ""
         """What else is in the way, said from outside."""
@@ -90,19 +92,20 @@ class RobotJoint(Hardware):
         self._stopped_at = math.inf
         self._send(torque)
 
-    def stop(self, reason: str) -> None:  # noqa: ARG002 - the gate says it
+    def stop(self, reason: str, exceeded: bool = False) -> None:  # noqa: ARG002 - the gate says it
         now = time.monotonic()
         self._stopped_at = min(self._stopped_at, now)
-        self._send(0.0)
-        over = not self._node.active and now - self._stopped_at > REPEATED
-        if over or self._rivals.objection(now) or self._changed():
+        if exceeded or self._rivals.silent(now, self._config.watchdog):
+            self._send(0.0)
+        if self._changed() or (not self._node.active and now - self._stopped_at > REPEATED):
             self._command = None
 
     def tick(self) -> None:
         pass
 
     def reset(self) -> None:
-        self.fault, self.waits = "", NOT_LOOKED
+        self._obstacle_met = self.fault = ""
+        self.waits = NOT_LOOKED
         self._command = None
         self._efforts.clear()
 
@@ -163,11 +166,21 @@ class RobotJoint(Hardware):
         self._rivals.look()
         obstacle = self._obstacle(time.monotonic())
         if obstacle and self._command is not None:
-            self.fault = self.fault or obstacle
+            self._obstacle_met = self._obstacle_met or obstacle
+        self.fault = self._obstacle_met + (self._left_behind() if self._obstacle_met else "")
         self.waits = "" if self.fault else obstacle
         if self._command is None:
             self._joints = self._watch.joints
         self._node.health.values["controller"] = f"{self._topic}: {', '.join(self._watch.joints) or 'joints not known'}"
+
+    def _left_behind(self) -> str:
+        """What acts on the axis of what somebody else has commanded, "" when they did not."""
+        efforts = self._rivals.efforts
+        if efforts is None:
+            return ""
+        own = self._joints.index(self._joint) if self._joint in self._joints else len(efforts)
+        kept = f"{efforts[own]:g} N m" if own < len(efforts) else "commands of another length"
+        return f"; the controller keeps their {kept}" if not self._rivals.replaced else f"; their {kept} was replaced by zero"
 
     def _obstacle(self, now: float) -> str:
         """The first thing in the way of torque, "" for none."""

@@ -13,12 +13,12 @@ from tcs_friction.control.config_field import text, texts
 from tcs_friction.control.plausible import Ranges
 from tcs_friction.control.torque_gate import TorqueLimits
 from tcs_friction.errors import InputError, one_line
+from tcs_friction.nodes.core.executor import run
+from tcs_friction.nodes.core.qos import LATCHED
 from tcs_friction.nodes.drivers.driver_node import DriverConfig, DriverNode
 from tcs_friction.nodes.drivers.effort_commands import others_of
 from tcs_friction.nodes.drivers.ros2_control import STATES, RobotJoint
 from tcs_friction.nodes.drivers.urdf import JointLimits, joint_limits, load_joint_limits
-from tcs_friction.nodes.executor import run
-from tcs_friction.nodes.qos import LATCHED
 
 DESCRIPTION = "/robot_description"
 NO_URDF = "none"
@@ -106,7 +106,7 @@ class Ros2ControlDriver(DriverNode[Ros2ControlConfig]):
             return
         self.health.well("description")
         self._described, self.hardware.needed = described, ""
-        self._gate.configure(self.limits(self.config), self.config.ramp_time)
+        self.use_limits(self.config)
 
     def destroy_node(self) -> None:
         """Torque goes over `stop_time` here too; zero is the last thing that is sent."""

@@ -1,0 +1,1 @@
+"""Recorder and player, and what they share with nodes that keep bags."""

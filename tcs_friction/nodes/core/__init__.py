@@ -1,0 +1,1 @@
+"""What every node stands on: configuration as parameters, executor, health, messages as bytes, other nodes."""

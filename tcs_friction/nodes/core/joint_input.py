@@ -1,0 +1,132 @@
+"""Joint states as the nodes of the loop take them: of one joint, in range, in order; what is refused is reported."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Protocol
+
+from tcs_friction.control.stamps import (
+    NEW_RUN,
+    NEXT,
+    REFUSED,
+    REPEATED,
+    SECOND,
+    FollowRule,
+    RecentStates,
+    Step,
+)
+from tcs_friction.nodes.core.health import Health, Level
+from tcs_friction.nodes.core.joint_states import CommandedTorque
+from tcs_friction.nodes.core.wire import JointWire
+
+TOPIC = "joint_states"
+
+
+class Settings(Protocol):
+    """What a node's configuration says about its inputs: a ClockConfig with Ranges."""
+
+    @property
+    def period(self) -> float: ...
+    @property
+    def age_limit(self) -> float: ...
+    @property
+    def patience(self) -> float: ...
+    @property
+    def largest_position(self) -> float: ...
+    @property
+    def largest_speed(self) -> float: ...
+    @property
+    def largest_torque(self) -> float: ...
+    @property
+    def largest_acceleration(self) -> float: ...
+    @property
+    def position_noise(self) -> float: ...
+    def state_objection(self, position: float, speed: float) -> str: ...
+    def torque_objection(self, torque: float) -> str: ...
+
+
+class JointInput:
+    """The newest acceptable state of a joint. A driver that gives no speed gets the difference of its positions.
+
+    `level` says how bad it is in real time when none comes.
+    """
+
+    def __init__(self, health: Health, lock_step: bool, level: Level = Level.ERROR) -> None:
+        self.stamp = -1
+        self.position = self.speed = self.torque = math.nan
+        self.contradicted = -math.inf
+        """When a state was heard last that contradicts the others, steady time: a second publisher does that."""
+        self.recent = RecentStates(math.inf)
+        """Real time: the states that an answer may be about."""
+        self._health, self._lock_step = health, lock_step
+        self._rule = FollowRule(lock_step)
+        self._judge = self._rule.judge
+        self._wire = JointWire("")
+        if not lock_step:
+            health.expect(TOPIC, level)
+
+    def configure(self, joint: str, config: Settings) -> None:
+        """Another joint or other limits; what was heard stays."""
+        self._config = config
+        self._objection = config.state_objection
+        self._farthest, self._fastest = config.largest_position, config.largest_speed
+        limits = (config.largest_speed, config.period, config.largest_acceleration, config.position_noise)
+        self._rule.configure(config.age_limit, config.patience, *limits)
+        self.recent.configure(config.age_limit)
+        if joint != self._wire.joint:
+            self._wire = JointWire(joint)
+
+    def take(self, data: bytes) -> Step:
+        """Judge a serialised JointState; the attributes are those of the newest state that was not refused."""
+        stamp, position, reported, torque = self._wire.read(data)
+        speed = reported if reported == reported else self._difference(stamp, position)
+        farthest, fastest = self._farthest, self._fastest  # compared here, for a call takes longer than all of them
+        if not (-farthest <= position <= farthest and -fastest <= speed <= fastest):
+            if position == position or self._wire.is_about(data):
+                objection = self._objection(position, speed) if stamp >= 0 else "not readable"
+                self._health.refuse(f"{TOPIC} refused: {objection}")
+            return REFUSED
+        step = self._judge(stamp) if self._lock_step else self._judge_in_real_time(stamp, position, reported)
+        if step is NEXT or step is NEW_RUN:
+            self.stamp = stamp
+            self.position = position
+            self.speed = speed
+            self.torque = torque
+        return step
+
+    def acted(self, commanded: CommandedTorque) -> float:
+        """Torque (N m) until the newest state, the command's where the driver gives none; NaN where none is known.
+
+        One that cannot be is refused with a report.
+        """
+        torque = self.torque if self.torque == self.torque else commanded.until(self.stamp)
+        if abs(torque) > self._config.largest_torque:
+            self._health.refuse(f"{TOPIC} refused: {self._config.torque_objection(torque)}")
+            return math.nan
+        return torque
+
+    def _judge_in_real_time(self, stamp: int, position: float, speed: float) -> Step:
+        now = time.monotonic()
+        step = self._judge(stamp, position, now, speed)
+        if step is REFUSED:
+            self._refuse(self._rule.reason, now)
+        elif step is not REPEATED:
+            self.recent.add(stamp)
+            self._health.heard(TOPIC, now, self._config.period)
+        elif position != self.position:
+            self._refuse("two positions with one stamp", now)
+        return step
+
+    def _refuse(self, reason: str, now: float) -> None:
+        if reason:
+            self._health.disbelieve(TOPIC, reason)
+            self._health.refuse(f"{TOPIC} refused: {reason}")
+            self.contradicted = now
+
+    def _difference(self, stamp: int, position: float) -> float:
+        """Speed from this position and the one before; 0 for the first."""
+        span = (stamp - self.stamp) / SECOND
+        if self.stamp < 0 or span < 0.0:
+            return 0.0
+        return (position - self.position) / span if span > 0.0 else self.speed

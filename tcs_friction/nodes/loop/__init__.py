@@ -1,0 +1,1 @@
+"""The nodes of the control loop and what they share."""

@@ -1,0 +1,1 @@
+"""The page's ear and hands in the graph."""
