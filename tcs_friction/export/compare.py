@@ -154,9 +154,9 @@ def _free(simulator: MujocoSimulator, stretch: Stretch, horizon: float, period: 
         rows = np.arange(start, start + size)
         first = float(stretch.position[start])
         simulator.begin(float(stretch.position[start - lead]), float(stretch.velocity[start - lead]))
-        for row in range(start - lead, start):
-            simulator.hold(float(stretch.position[row]), float(stretch.velocity[row]))
-            simulator.step(float(stretch.torque[row]))
+        for before in range(start - lead, start):
+            simulator.hold(float(stretch.position[before]), float(stretch.velocity[before]))
+            simulator.step(float(stretch.torque[before]))
         simulator.hold(first, float(stretch.velocity[start]))
         position, velocity = np.empty(size), np.empty(size)
         for k, row in enumerate(rows):
