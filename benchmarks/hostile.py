@@ -1,4 +1,4 @@
-"""Files drawn to hurt: bags, tables, axis and reference files.
+"""Files drawn to hurt: bags, tables, axis and reference files, results; plug-ins, requests and command lines.
 
 They are damaged, or made to claim, unpack to or ask for much more than they are. Every reading has to end with a recording, an
 axis or one line; none may take more than 10 s of processor time or 1 GB. What fails is kept and named.
@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from benchmarks import hostile_bags, hostile_tables, hostile_yaml
+from benchmarks import hostile_bags, hostile_others, hostile_results, hostile_tables, hostile_yaml
 from benchmarks.children import deaf, ended_with_this
 from tcs_friction.config import load_axis
 from tcs_friction.control.reference import load_reference
@@ -39,7 +39,15 @@ KINDS: dict[str, dict[hostile_bags.Maker, tuple[int, int]]] = {
     **hostile_bags.CASES,
     "tables": hostile_tables.CASES,
     "axis files": hostile_yaml.CASES,
+    "results": hostile_results.RESULTS,
+    "motions": hostile_results.MOTIONS,
+    "plug-ins": hostile_others.PLUG_INS,
+    "requests": hostile_others.REQUESTS,
+    "command lines": hostile_others.COMMAND_LINES,
 }
+
+WHOLE = ("motions", "plug-ins", "requests", "command lines")
+"""Kinds that damage would only turn into others."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,7 +126,9 @@ def drawn(kind: str, chance: random.Random, path: Path) -> Path:
     """A file of a kind, its size even on a logarithmic scale; half of them damaged on top."""
     make, (low, high) = chance.choice(list(KINDS[kind].items()))
     made = make(path, round(low * (high / low) ** chance.random()) if low else chance.randint(low, high))
-    for file in sorted(made.iterdir()) if made.is_dir() else [made]:
+    if kind in WHOLE:
+        return made
+    for file in sorted(made.rglob("*")) if made.is_dir() else [made]:
         if file.is_file() and not file.is_symlink() and chance.random() < 0.5:
             file.write_bytes(hostile_bags.damaged(file.read_bytes(), chance))
     return made
@@ -126,11 +136,18 @@ def drawn(kind: str, chance: random.Random, path: Path) -> Path:
 
 def reading(kind: str, path: Path) -> list[Callable[[], object]]:
     """What commands do with such a file."""
-    if kind == "tables":
-        return [lambda: import_table(path, "axis", {})]
-    if kind == "axis files":
-        return [lambda: load_axis(path), lambda: load_reference(path)]
-    return [lambda: bag_info(path), lambda: read_recordings([path], SIGNALS)]
+    return READINGS[kind](path) if kind in READINGS else [lambda: bag_info(path), lambda: read_recordings([path], SIGNALS)]
+
+
+READINGS: dict[str, Callable[[Path], list[Callable[[], object]]]] = {
+    "tables": lambda path: [lambda: import_table(path, "axis", {})],
+    "axis files": lambda path: [lambda: load_axis(path), lambda: load_reference(path)],
+    "results": hostile_results.reading_results,
+    "motions": hostile_results.reading_motions,
+    "plug-ins": hostile_others.reading_plug_in,
+    "requests": hostile_others.reading_request,
+    "command lines": hostile_others.reading_words,
+}
 
 
 def _measured(works: list[Callable[[], object]]) -> tuple[float, int, str]:

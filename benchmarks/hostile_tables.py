@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import os
 import zipfile
 from pathlib import Path
 
@@ -109,6 +110,13 @@ def texts(path: Path, size: int) -> Path:
     return _parquet(path, {"time": np.arange(size), "position": np.zeros(size), "torque": ["x" * 1000] * size})
 
 
+def pipe(path: Path, _: int) -> Path:
+    """A pipe into which nobody writes."""
+    path = path.with_suffix(".csv")
+    os.mkfifo(path)
+    return path
+
+
 def _text(path: Path, text: str) -> Path:
     path = path.with_suffix(".csv")
     path.write_text(text)
@@ -125,6 +133,6 @@ CASES: dict[Maker, tuple[int, int]] = {
     good_csv: (1, 2000), many_columns: (1, 1_000_000), long_cell: (1, 10_000_000), blanks: (1, 1_000_000),
     no_line_ends: (1, 5_000_000), ragged: (1, 3000), dates: (1, 20_000), packed: (1, 30_000_000), arrays: (1, 3_000_000),
     matlab: (1, 5_000_000), lists: (1, 50_000),
-    digits: (1, 100_000), good_parquet: (1, 2000), flood: (1, 5_000_000), texts: (1, 20_000),
+    digits: (1, 100_000), pipe: (1, 1), good_parquet: (1, 2000), flood: (1, 5_000_000), texts: (1, 20_000),
 }  # fmt: skip
 """Makers, each with the least and the largest size to draw."""

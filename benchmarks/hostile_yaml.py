@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from pathlib import Path
 
@@ -58,6 +59,12 @@ def device(path: Path, _: int) -> Path:
     return path
 
 
+def pipe(path: Path, _: int) -> Path:
+    """A pipe into which nobody writes."""
+    os.mkfifo(path)
+    return path
+
+
 def written(path: Path, text: str) -> Path:
     """The text as a YAML file."""
     path = path.with_suffix(".yaml")
@@ -65,7 +72,7 @@ def written(path: Path, text: str) -> Path:
     return path
 
 
-NUMBERS = ("9", "1:", "1_", ".inf", "2001-99-99", "!!int x", "!!float ''", "0x", "-", "'9' ")
+NUMBERS = ("9", "1:", "1_", ".inf", "2001-99-99", "!!int x", "!!float ''", "0x", "-", "'9' ", "017", "1:30", "yes", "1e")
 REPEATED = ("[", "{a: ", "- ", "a: 1\n", "? ", "&a ", "!!a ", "# \n", "axis: {inertia: 1}\n---\n", "\t", "'", "|\n ", "é")
 DOUBLED = ("[*a{0}, *a{0}]", "{{<<: [*a{0}, *a{0}]}}", "[*a{0}]", "{{? *a{0} : 1}}")
 CASES: dict[Maker, tuple[int, int]] = {
@@ -73,6 +80,6 @@ CASES: dict[Maker, tuple[int, int]] = {
     **{partial(number, text=text, around=around): (1, 100_000) for text in NUMBERS for around in (AXIS, REFERENCE)},
     **{partial(repeated, text=text): (1, 1_000_000) for text in REPEATED},
     **{partial(doubled, item=item): (1, 100_000) for item in DOUBLED},
-    many_effects: (1, 20_000), large_table: (1, 200_000), indented: (1, 5_000), device: (1, 1),
+    many_effects: (1, 20_000), large_table: (1, 200_000), indented: (1, 5_000), device: (1, 1), pipe: (1, 1),
 }  # fmt: skip
 """Makers, each with the least and the largest size to draw."""

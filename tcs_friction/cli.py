@@ -5,15 +5,18 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.util
+import itertools
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from types import ModuleType
 from typing import Any, TextIO, cast
 
 from tcs_friction.commands.parser import parser_of
 from tcs_friction.errors import InputError, JobError, TcsError, nearest, refusal
 from tcs_friction.interrupts import interruptible
+from tcs_friction.plain_files import plain_file
 
 COMMANDS = {
     "new": "a first axis file from a recording alone",
@@ -34,6 +37,8 @@ COMMANDS = {
     "fleet": "identify and diagnose many recordings of many axes on Dask; what changed over time",
     "bench": "run a benchmark",
 }
+
+ROS_FILES = ("--params-file", "--log-config-file")
 
 
 def one_thread_each() -> None:
@@ -72,6 +77,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:  # what nobody nearer to it could say more about
         return _fail(refusal(error))
+    except Exception as error:
+        from tcs_friction.physics.registry import raised_by_plug_in
+
+        plug_in = raised_by_plug_in(error)
+        if plug_in is None:
+            raise
+        return _fail(JobError(plug_in, f"{type(error).__name__}: {error}", "what a term declares (tcs_friction.physics.terms)"))
 
 
 def _fail(error: TcsError) -> int:
@@ -141,6 +153,9 @@ def _run_module(name: str, module: ModuleType, words: list[str]) -> int:
         cut = words.index("--ros-args")
         arguments = parser.parse_args(words[:cut])
         arguments.ros_arguments = words[cut:]
+        for flag, word in itertools.pairwise(words[cut:]):
+            if flag in ROS_FILES:  # ROS itself would wait for a pipe for ever
+                plain_file(Path(word), "a file of parameters" if flag == ROS_FILES[0] else "a file of log levels")
     else:
         arguments = parser.parse_args(words)
         arguments.ros_arguments = []

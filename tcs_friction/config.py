@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
 
 from tcs_friction.control.compensator import CompensatorConfig
 from tcs_friction.control.config_field import from_mapping
@@ -31,8 +30,8 @@ from tcs_friction.physics.axis import Axis, Drive, Sensors
 from tcs_friction.physics.registry import effect, law
 from tcs_friction.physics.terms import Instance, Table, instance
 from tcs_friction.recording.signals import SignalMap
-from tcs_friction.writable import writing
-from tcs_friction.yaml_files import load_yaml
+from tcs_friction.writable import scratch_beside, writing
+from tcs_friction.yaml_files import dump_yaml, load_yaml
 
 T = TypeVar("T")
 
@@ -106,6 +105,10 @@ class AxisFile:
             return self
         signals = replace(self.signals, torque=replace(self.signals.torque, unit=torque_unit))
         return replace(self, signals=signals, axis=replace(self.axis, torque_unit=torque_unit))
+
+    def at(self, signals: SignalMap) -> AxisFile:
+        """The same with the signals elsewhere in a bag, of another joint, say."""
+        return replace(self, signals=signals)
 
     def with_axis(self, axis: Axis) -> AxisFile:
         """The same file about another axis."""
@@ -216,10 +219,7 @@ def parse_control(value: object, where: str = "control") -> Control:
 
 def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        hint = (
-            "a number (write 1.0e3: YAML reads 1e3 as text)" if isinstance(value, str) else "a finite number"
-        )
-        raise InputError(where, repr(value), hint)
+        raise InputError(where, repr(value), "a finite number")
     return float(value)
 
 
@@ -238,16 +238,8 @@ def _parse_friction(value: object, where: str) -> Instance:
     if "law" not in block:
         raise InputError(where, "law is missing", "the name of a friction law")
     term = law(str(block["law"]), where)
-    values = {name: _numeric(entry) for name, entry in block.items() if name != "law"}
+    values = {name: entry for name, entry in block.items() if name != "law"}
     return instance(term, values, f"{where} {term.id}")
-
-
-def _numeric(value: object) -> object:
-    """Numbers that YAML 1.1 reads as text (1e3) as numbers; anything else as it is, for the term to refuse."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _parse_effects(value: object, where: str) -> tuple[Instance, ...]:
@@ -262,12 +254,11 @@ def _parse_effect(value: object, where: str) -> Instance:
         raise InputError(where, "effect is missing", "the name of an effect")
     term = effect(str(block["effect"]), where)
     parameters = mapping(_given(block, "parameters", {}), f"{where} {term.id}: parameters")
-    values = {name: _numeric(entry) for name, entry in parameters.items()}
     table = (
         _parse_table(block["table"], f"{where} {term.id}: table") if block.get("table") is not None else None
     )
     signal = str(block["signal"]) if block.get("signal") is not None else None
-    return instance(term, values, f"{where} {term.id}", signal, table)
+    return instance(term, parameters, f"{where} {term.id}", signal, table)
 
 
 def _parse_table(value: object, where: str) -> Table:
@@ -345,7 +336,7 @@ def axis_file_mapping(file: AxisFile) -> dict[str, Any]:
 def save_axis(path: Path, file: AxisFile, comment: str = "") -> None:
     """Write an axis file; `comment` lines go on top. The file appears whole or not at all."""
     head = "".join(f"# {line}\n" for line in comment.splitlines())
-    write_whole(path, head + yaml.safe_dump(axis_file_mapping(file), sort_keys=False, width=110))
+    write_whole(path, head + dump_yaml(axis_file_mapping(file)))
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -355,7 +346,7 @@ def write_whole(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """The same for any content; JobError names the file where the system refuses it."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    partial = scratch_beside(path)
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:

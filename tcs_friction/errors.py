@@ -13,7 +13,7 @@ MOST_SHOWN = 2000
 """Characters of a message; what is longer is cut in the middle, where it quotes a file."""
 
 
-QUERY = re.compile(r"(\w://[^\s?]*)\?\S*?(?=[,:;.)\]'\"]*(?:\s|$))")
+QUERY = re.compile(r"(\w:/+[^\s?]*)\?\S*?(?=[,:;.)\]'\"]*(?:\s|$))")
 
 
 class TcsError(Exception):

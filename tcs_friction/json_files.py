@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from tcs_friction.errors import InputError
+from tcs_friction.plain_files import read_plain
 
 LARGEST = 16 << 20
 """Bytes of a file: a hundred times those of an identification with its profiles, or of a diagnosis with its atlas."""
@@ -78,12 +79,7 @@ def load_json(path: Path, what: str, schema: str) -> Json:
     Raises InputError in one line.
     """
     where = str(path)
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(LARGEST + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(where, f"cannot be read ({reason})", what) from None
+    data = read_plain(path, LARGEST + 1, what)
     if len(data) > LARGEST:
         raise InputError(where, "is too large", f"{what}, {LARGEST >> 20} MB at most")
     try:

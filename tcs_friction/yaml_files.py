@@ -1,11 +1,15 @@
 """YAML files by anybody: read within bounds of time and memory, refused in one line.
 
 A file is gone over twice. The first time looks at its events only: how deep it nests, how much it stands for when its aliases
-are written out, whether a key comes twice. The second builds mappings, lists, texts and numbers. Dates are texts.
+are written out, whether a key comes twice. The second builds mappings, lists, texts and numbers.
+
+What is a number follows the core schema of YAML 1.2 (section 10.3.2 of its specification): 1e3 is one; 1:30, yes and a date are
+texts, of which YAML 1.1 makes 90, true and a date. 017, which is a number in both and not the same, is refused.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +27,7 @@ from yaml.events import (
 )
 
 from tcs_friction.errors import InputError
+from tcs_friction.plain_files import read_plain
 
 LARGEST = 4 << 20
 """Bytes of a file: as many values with 17 digits each have 2 MB."""
@@ -34,13 +39,24 @@ LONGEST_NUMBER = 400
 """Characters; the largest number there is has 309 digits."""
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same in C where PyYAML was built with it
+_TAG = "tag:yaml.org,2002:"
+_CORE: dict[str, tuple[str, str]] = {
+    "null": (r"~|null|Null|NULL|", "~nN"),
+    "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    "int": (r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    "float": (r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", "-+.0123456789"),
+    "merge": (r"<<", "<"),
+}
+"""Scalars that are no text: the pattern of all of it, and what it may begin with. Merge keys are of YAML 1.1 and no number."""
+_OCTAL = re.compile(r"[-+]?0[0-9]+")
+"""A whole number that YAML 1.1 reads to the base 8, and YAML 1.2 to the base 10."""
 
 
 class _Loader(_Base):
-    """The safe loader without dates; what a value cannot be is an error with its place."""
+    """The safe loader of the core schema; what a value cannot be is an error with its place."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        if isinstance(node, yaml.ScalarNode) and node.tag != "tag:yaml.org,2002:str":
+        if isinstance(node, yaml.ScalarNode) and node.tag != f"{_TAG}str":
             return self._scalar(node)
         return super().construct_object(node, deep)
 
@@ -48,7 +64,12 @@ class _Loader(_Base):
         kind = node.tag.rpartition(":")[2]
         if kind in ("int", "float") and len(node.value) > LONGEST_NUMBER:
             raise ConstructorError(None, None, f"a number of {len(node.value)} characters", node.start_mark)
+        if kind == "int" and _OCTAL.fullmatch(node.value):
+            either = f"{node.value} is to the base 8 for YAML 1.1 and to the base 10 for YAML 1.2"
+            raise ConstructorError(None, None, f"{either}, expected no leading 0, or quotes around a text", node.start_mark)
         try:
+            if kind in ("int", "float", "bool") and not re.fullmatch(_CORE[kind][0], node.value):
+                raise ValueError  # a tag that somebody wrote
             value = super().construct_object(node)
             if isinstance(value, int):
                 float(value)
@@ -57,10 +78,19 @@ class _Loader(_Base):
         return value
 
 
-_Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
-    for first, resolvers in _Base.yaml_implicit_resolvers.items()
-}
+class _Dumper(yaml.SafeDumper):
+    """Quotes a text that any YAML would read as something else."""
+
+
+_Loader.yaml_implicit_resolvers = {}
+for _kind, (_pattern, _first) in _CORE.items():
+    for _class in (_Loader, _Dumper):
+        _class.add_implicit_resolver(f"{_TAG}{_kind}", re.compile(rf"(?:{_pattern})\Z"), list(_first) + [""] * (_kind == "null"))
+
+
+def dump_yaml(content: Any, width: int = 110, flow: bool | None = False) -> str:
+    """YAML that `parse_yaml` reads back. flow: whether lists and mappings stand in one line; None: the innermost ones."""
+    return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=width, default_flow_style=flow))
 
 
 def load_yaml(path: Path, what: str = "a YAML file") -> Mapping[str, Any]:
@@ -73,14 +103,7 @@ def load_yaml(path: Path, what: str = "a YAML file") -> Mapping[str, Any]:
 
 def load_yaml_of_any_kind(path: Path, what: str = "a YAML file") -> Any:
     """The same whatever its top level is."""
-    try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(LARGEST + 1)
-    except FileNotFoundError:
-        raise InputError(str(path), "no such file", what) from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(str(path), f"cannot be read ({reason})", what) from None
+    data = read_plain(Path(path), LARGEST + 1, what)
     return parse_yaml(data, str(path))
 
 

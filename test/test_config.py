@@ -26,6 +26,7 @@ from tcs_friction.config import (
 from tcs_friction.errors import InputError, JobError
 from tcs_friction.physics.registry import effects, laws
 from tcs_friction.physics.terms import Table, instance
+from tcs_friction.yaml_files import parse_yaml
 
 FRICTION = {
     "law": "lugre",
@@ -61,9 +62,9 @@ def test_example_of_the_contract() -> None:
     assert axis.effects[0].values["order"] == 72.0
 
 
-def test_values_that_yaml_reads_as_text_are_numbers() -> None:
-    """YAML 1.1 takes 2.96e5 for text: people write that all the time."""
-    content = yaml.safe_load("{law: dahl_viscous, coulomb: 1e2, stiffness: 2.96e5, viscous: 5}")
+def test_numbers_as_people_write_them_are_numbers() -> None:
+    """YAML 1.1 takes 2.96e5 for text."""
+    content = parse_yaml("{law: dahl_viscous, coulomb: 1e2, stiffness: 2.96e5, viscous: 5}", "here")
     assert parse_axis(block(friction=content)).friction.values["stiffness"] == 2.96e5
 
 
@@ -71,7 +72,7 @@ def test_values_that_yaml_reads_as_text_are_numbers() -> None:
     ("changed", "message"),
     [
         ({"inertias": 1.0}, r"f: axis: unknown key 'inertias', expected inertia"),
-        ({"inertia": "1e3"}, r"f: axis: inertia: '1e3', expected a number \(write 1.0e3"),
+        ({"inertia": "1e3"}, "f: axis: inertia: '1e3', expected a finite number"),
         ({"inertia": True}, "f: axis: inertia: True, expected a finite number"),
         ({"inertia": None}, "inertia: None"),
         ({"inertia": math.nan}, "inertia: nan"),
@@ -130,7 +131,7 @@ def test_keys_left_empty_are_absent(key: str) -> None:
 def test_files_that_are_no_axis_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_axis(tmp_path / "missing.yaml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a directory"):
         load_axis(tmp_path)
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(InputError, match=r"binary: cannot be read|binary: is not YAML"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -51,3 +52,15 @@ def test_without_any_alike_all_are_listed() -> None:
 )
 def test_the_query_of_a_url_is_never_repeated(text: str, shown: str) -> None:
     assert str(InputError(text, "x")) == f"{shown}: x"
+
+
+SIGNED = "https://host/bag.mcap?X-Amz-Signature=5e1f&x=1"
+
+
+@pytest.mark.parametrize("where", [SIGNED, Path(SIGNED)])
+def test_what_permits_is_not_repeated(where: object) -> None:
+    """Also where a path has made one slash of two."""
+    told = str(InputError(str(where), f"no such file {where}", f"{where}."))
+    assert "5e1f" not in told
+    assert told.count("bag.mcap?...") == 3
+

@@ -45,15 +45,17 @@ def test_files_that_are_none_are_refused_in_one_line(content: bytes | str, expec
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("path", "expected"), [("nowhere.json", "No such file"), (".", "Is a directory"), ("a\0b", "null byte")])
+@pytest.mark.parametrize(("path", "expected"), [("nowhere.json", "no such file"), (".", "is a directory"), ("a\0b", "null byte")])
 def test_what_cannot_be_read_says_why(path: str, expected: str) -> None:
     with pytest.raises(InputError, match=expected):
         load_json(Path(path), WHAT, KIND)
 
 
-def test_a_file_without_end_is_read_up_to_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(json_files, "LARGEST", 1 << 20)
+def test_a_large_file_is_read_up_to_the_limit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(json_files, "LARGEST", 1 << 10)
     with pytest.raises(InputError, match="is too large"):
+        load(tmp_path / "a.json", " " * 1025)
+    with pytest.raises(InputError, match="is no regular file"):
         load_json(Path("/dev/zero"), WHAT, KIND)
 
 

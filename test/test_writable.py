@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,9 +17,12 @@ from full_disk import full_beyond
 from tcs_friction import cli, config, writable
 from tcs_friction.commands.parser import parser_of
 from tcs_friction.errors import InputError, JobError
+from tcs_friction.recording import tables
 from tcs_friction.recording.bags import Bag
 from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.record import BagRecorder
+from tcs_friction.recording.recording import Recording
+from tcs_friction.recording.write import write_recording
 from tcs_friction.report.figures import Picture
 
 TABLE = "time,position,torque,velocity,reference\n" + "".join(
@@ -55,6 +59,50 @@ def test_the_wrong_kind_of_output_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=reason):
             check(tmp_path / name)
     assert (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.parametrize("check", [*CHECKED, writable.output_place])
+def test_no_name_is_not_the_working_directory(check: Callable[[str], object]) -> None:
+    with pytest.raises(InputError, match="output: '', expected a "):
+        check("")
+
+
+@pytest.mark.parametrize("umask", [0o022, 0o077, 0o007, 0o000])
+def test_the_umask_says_who_may_read(umask: int, tmp_path: Path) -> None:
+    recording = Recording(np.arange(9) / 100.0, np.zeros(9), np.ones(9))
+    signals = tables.default_signals("axis", ("position", "torque"), ())
+    before = os.umask(umask)
+    try:
+        config.write_whole(tmp_path / "text", "x")
+        tables.export_table(recording, tmp_path / "table.csv")
+        tables.export_table(recording, tmp_path / "table.parquet")
+        write_recording(tmp_path / "bag", recording, signals)
+        with writable.staged(tmp_path / "made") as part:
+            (part / "file").touch()
+    finally:
+        os.umask(before)
+    assert (tmp_path / "bag").stat().st_mode & 0o777 == 0o777 & ~umask
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert len(files) == 6
+    assert {path.stat().st_mode & 0o777 for path in files} == {0o666 & ~umask}
+
+
+def test_results_are_swapped_when_all_are_there(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+
+    def interrupted() -> None:
+        with writable.staged(tmp_path) as part:
+            (part / "a").write_text("new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+    assert (tmp_path / "a").read_text() == "old"
+    with writable.staged(tmp_path) as part:
+        (part / "a").write_text("new")
+        assert (tmp_path / "a").read_text() == "old"
+    assert (tmp_path / "a").read_text() == "new"
 
 
 def test_a_place_is_a_directory_or_a_url(tmp_path: Path) -> None:

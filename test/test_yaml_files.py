@@ -8,12 +8,13 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tcs_friction import yaml_files
 from tcs_friction.config import load_axis
 from tcs_friction.control.reference import load_reference
 from tcs_friction.errors import InputError
-from tcs_friction.yaml_files import load_yaml, parse_yaml
+from tcs_friction.yaml_files import dump_yaml, load_yaml, parse_yaml
 
 AXIS = "axis: {{inertia: {}, friction: {{law: coulomb_viscous, coulomb: 1.0, viscous: 1.0}}}}\n"
 
@@ -37,7 +38,12 @@ HOSTILE = {
     "a time that is none": (AXIS.format("!!timestamp 2001-01-01 25:61:61"), "line 1: '2001-01-01 25:61:61' cannot be used"),
     "an integer of 350 digits": (AXIS.format("9" * 350), "line 1: '9999999999999999999999999999999999999999' cannot be used"),
     "an integer of 5000 digits": (AXIS.format("9" * 5000), "line 1: a number of 5000 characters"),
-    "minutes without end": (AXIS.format("1" + ":1" * 100_000), "line 1: a number of 200001 characters"),
+    "minutes without end": (AXIS.format("1" + ":1" * 100_000), "axis: inertia: '1:1:1"),
+    "a time of day": (AXIS.format("1:30"), "axis: inertia: '1:30', expected a finite number"),
+    "a leading zero": (AXIS.format("017"), "line 1: 017 is to the base 8 for YAML 1.1 and to the base 10 for YAML 1.2, expected"),
+    "a word for true": (AXIS.format("yes"), "axis: inertia: 'yes', expected a finite number"),
+    "digits with gaps": (AXIS.format("1_000"), "axis: inertia: '1_000', expected a finite number"),
+    "minutes called a number": (AXIS.format("!!int 1:30"), "line 1: '1:30' cannot be used as int"),
     "words called numbers": (AXIS.format("!!int x"), "line 1: 'x' cannot be used as int"),
     "nothing called a number": (AXIS.format("!!float ''"), "line 1: '' cannot be used as float"),
     "a word called true": (AXIS.format("!!bool perhaps"), "line 1: 'perhaps' cannot be used as bool"),
@@ -110,6 +116,27 @@ def test_time_grows_with_the_size_of_the_file_and_no_faster() -> None:
     assert seconds(4_000) < 40 * seconds(400)
 
 
+TEXTS = ("1e3", "017", "1:30", "yes", "off", "0o17", "2001-01-01", "~", "", "null", "true", "1.", ".inf", "1_0", "<<", "# no")
+
+
+def test_what_is_written_is_read_back_by_this_and_by_other_readers() -> None:
+    content = {"texts": list(TEXTS), "numbers": [17, 1e-5, -1e20, 0.1], "others": [True, None]}
+    for flow in (False, None, True):
+        written = dump_yaml(content, flow=flow)
+        assert parse_yaml(written, "here") == content
+        assert yaml.safe_load(written) == content
+
+
+def test_numbers_are_those_of_the_core_schema() -> None:
+    texts = {"1e3": 1000.0, "-.5": -0.5, "1.": 1.0, "+12": 12, "0o17": 15, "0x1F": 31, "0": 0, "-0": 0, "0.5": 0.5, "007.5": 7.5}
+    for text, value in texts.items():
+        assert parse_yaml(f"x: {text}", "here") == {"x": value}, text
+    for text in ("017", "-017", "08", "00"):
+        with pytest.raises(InputError, match=r"line 1: .* expected no leading 0, or quotes"):
+            parse_yaml(f"x: {text}", "here")
+        assert parse_yaml(f"x: '{text}'", "here") == {"x": text}
+
+
 def test_there_is_no_other_way_to_read_yaml() -> None:
     """Whatever reads YAML of its own does without the bounds of this one."""
     package = Path(yaml_files.__file__).parent
@@ -120,11 +147,11 @@ def test_there_is_no_other_way_to_read_yaml() -> None:
 
 def test_what_files_may_say_is_still_understood(tmp_path: Path) -> None:
     assert load_yaml(Path(__file__).parents[1] / "config" / "azimuth_1p2m.yaml")["axis"]["inertia"] > 0.0
-    text = "base: &b {x: 1, y: 0x10, z: -.inf}\nown: {<<: *b, x: 2}\nday: 2026-11-22\ntwice: [*b, *b]\n'on': yes\nnone: ~\n"
+    text = "base: &b {x: 1, y: 0x10, z: -.inf}\nown: {<<: *b, x: 2}\nday: 2026-11-22\ntwice: [*b, *b]\non: yes\nnone: ~\n"
     content = parse_yaml(text.encode(), "here")
     assert content["own"] == {"x": 2, "y": 16, "z": float("-inf")}
     assert content["day"] == "2026-11-22"
     assert content["twice"] == [content["base"]] * 2
-    assert (content["on"], content["none"]) == (True, None)
-    with pytest.raises(InputError, match="cannot be read"):
+    assert (content["on"], content["none"]) == ("yes", None)
+    with pytest.raises(InputError, match="is a directory"):
         load_yaml(tmp_path)

@@ -14,21 +14,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.commands.parser import name_word
 from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
+from tcs_friction.conditioning.checks import check_changes
+from tcs_friction.conditioning.motion import prepare
 from tcs_friction.config import load_axis
-from tcs_friction.errors import printable
+from tcs_friction.errors import TcsError, printable
+from tcs_friction.identify.timing import likely_lag
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.health import health
 from tcs_friction.recording.info import bag_info, info_text
 from tcs_friction.recording.mending import refuse_mended
+from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.tables import export_table, import_table
-from tcs_friction.recording.write import write_recording
+from tcs_friction.recording.write import EPOCH, write_recording
 from tcs_friction.writable import new_output, output_file
+from tcs_friction.yaml_files import dump_yaml
+
+MOST_SAMPLES = 100_000
+"""Of a recording, by which it is told when a torque acts: half a minute of 4 kHz, and a second of work."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,11 +68,23 @@ def _info(arguments: argparse.Namespace) -> None:
     info = bag_info(arguments.bag)
     block = with_signals(of_joint(info.signals, info.joints, arguments.joint), named_signals(arguments.signal))
     info = replace(info, signals=block)
-    found = health(arguments.bag, block)
+    found = health(arguments.bag, block, _acting)
     if arguments.json:
         print(json.dumps(info.to_mapping() | {"health": found.to_mapping() if found else None}, allow_nan=False))
     else:
         print(info_text(info, found.lines() if found else ()))
+
+
+def _acting(recording: Recording) -> float | None:
+    """When its torque acts, s after its stamp; None where the motion does not tell."""
+    longest = max(recording.segments, key=lambda part: part.stop - part.start)
+    try:
+        motion = prepare([recording.part(slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES)))])
+        check_changes([recording])
+        lag = likely_lag(motion)
+    except TcsError:  # whoever identifies is told why
+        return None
+    return motion.timing.acts + lag.late * lag.better if lag.told else None
 
 
 def _export(arguments: argparse.Namespace) -> None:
@@ -85,12 +103,12 @@ def _import(arguments: argparse.Namespace) -> None:
     imported = import_table(arguments.file, choice.joint, choice.columns, signals, kind)
     if choice.strict:
         refuse_mended([imported.recording])
-    write_recording(arguments.output, imported.recording, imported.signals)
+    write_recording(arguments.output, imported.recording, imported.signals, imported.recording.start or EPOCH)
     block = imported.signals.to_mapping()
     result = {"bag": str(arguments.output), "samples": len(imported.recording), "duration": imported.recording.duration}
     _tell(arguments, imported.recording.notes, result | {"signals": block})
     if not arguments.json and file is None:
-        print(yaml.safe_dump({"signals": block}, sort_keys=False, default_flow_style=None), end="")
+        print(dump_yaml({"signals": block}, flow=None), end="")
 
 
 def _tell(arguments: argparse.Namespace, notes: tuple[str, ...], result: dict[str, Any]) -> None:

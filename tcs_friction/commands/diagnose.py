@@ -7,21 +7,23 @@ DIR/next_experiment.yaml where the bags leave a question open.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
+from tcs_friction.commands.inputs import EACH, add_reading, add_recordings, choice_of
+from tcs_friction.commands.joints import ALL, Done, for_each, tell
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
+from tcs_friction.commands.parser import name_word
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
-from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.bags import chosen_signals, joints_in, read_recordings
+from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.recording.table_files import is_table
 from tcs_friction.report.diagnosis_files import EXPERIMENT, write_diagnosis
@@ -41,26 +43,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the axis was",
     )
     add_reading(parser, joint=False)
-    which = "which joint of the recordings (of a table also its number from 0); with a model of MuJoCo, of the model"
-    parser.add_argument("--joint", default="", metavar="NAME", help=which)
+    which = f"which joint of the recordings, by name or by number from 0 on; {EACH}; with a model of MuJoCo, joint of the model"
+    parser.add_argument("--joint", type=name_word, default="", metavar="NAME", help=which)
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Diagnose, write everything, say what was found."""
+    """Diagnose, write everything, say what was found; of all joints one after the other with --joint all."""
     if arguments.axis is None and arguments.against is None:
         raise InputError("diagnose", "neither an axis file nor a simulation", "--axis AXIS.yaml or --against SIM")
     if arguments.seed < 0:
         raise InputError("--seed", str(arguments.seed), "a whole number from 0")
+    if arguments.joint != ALL:
+        tell(arguments, diagnosed_into(arguments, arguments.output))
+        return
+    if arguments.axis is None or arguments.against is not None:
+        raise InputError("--joint all", "given with --against", "one joint, or --axis AXIS.yaml alone")
+    signals = load_axis(arguments.axis).mapped(arguments.axis)
+    joints = joints_in(arguments.bags[0], signals, choice_of(arguments))
+    for_each(arguments, "Diagnosis", arguments.bags, joints, diagnosed_into)
+
+
+def diagnosed_into(arguments: argparse.Namespace, directory: Path) -> Done:
+    """One diagnosis and its files."""
     inputs = [*arguments.bags, arguments.axis, arguments.against]
-    results_over_no_input(arguments.output, WRITTEN, inputs)
+    results_over_no_input(directory, WRITTEN, inputs)
     with status_line() as show:
 
         def progress(share: float, stage: str) -> None:
             show(f"{100.0 * share:3.0f} %  {stage}")
 
         file, remark = _believed(arguments, lambda share, stage: progress(0.5 * share, stage))
+        file = file.at(chosen_signals(arguments.bags, file.mapped(arguments.axis), _choice(arguments)))
         recordings = _read(arguments, file)
         file = file.measured_in(same_torque_unit(recordings))
         begin = 0.0 if arguments.against is None else 0.5
@@ -68,17 +83,16 @@ def run(arguments: argparse.Namespace) -> None:
         if remark:
             found = replace(found, evidence=replace(found.evidence, notes=(f"Believed: {remark}.", *found.evidence.notes)))
         progress(1.0, "writing")
-        report = write_diagnosis(arguments.output, found)
+        report = write_diagnosis(directory, found)
     tell_notes(recordings)
-    if arguments.json:
-        print(json.dumps(found.to_mapping(), allow_nan=False))
-        return
-    print("\n".join([*([remark] if remark else []), summary(found), str(report)]))
+    text = "\n".join([*([remark] if remark else []), summary(found), str(report)])
+    content = found.to_mapping()
+    return Done(text, content, f"{content['verdict']}: {content['statement']}", report.name)
 
 
 def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], None]) -> tuple[AxisFile, str]:
     file = load_axis(arguments.axis) if arguments.axis is not None else None
-    if arguments.joint and not all(map(is_table, arguments.bags)):  # a bag's joint stands in the axis file
+    if arguments.joint and arguments.against is not None and not all(map(is_table, arguments.bags)):
         _refuse_joint_without_model(arguments)
     if arguments.against is None:
         assert file is not None
@@ -100,9 +114,7 @@ def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], No
 
 
 def _refuse_joint_without_model(arguments: argparse.Namespace) -> None:
-    """Of bags, --joint is that of a model of MuJoCo. Raises InputError where there is none."""
-    if arguments.against is None:
-        raise InputError("--joint", "given without a model of MuJoCo", "--against FILE.xml beside it")
+    """Beside a simulation --joint is that of its model of MuJoCo. Raises InputError where it is none."""
     from tcs_friction.diagnose.from_model import is_model
 
     if not is_model(arguments.against):
@@ -110,13 +122,15 @@ def _refuse_joint_without_model(arguments: argparse.Namespace) -> None:
 
 
 def _read(arguments: argparse.Namespace, file: AxisFile) -> tuple[Recording, ...]:
-    """The recordings; --joint is not theirs where a model of MuJoCo has joints as well."""
+    return read_recordings(arguments.bags, file.mapped(arguments.axis), _choice(arguments), file.axis.kind)
+
+
+def _choice(arguments: argparse.Namespace) -> Choice:
+    """What is said of the recordings; --joint is not theirs where a model of MuJoCo has joints as well."""
     from tcs_friction.diagnose.from_model import is_model
 
     choice = choice_of(arguments)
-    if arguments.against is not None and is_model(arguments.against):
-        choice = replace(choice, joint="")
-    return read_recordings(arguments.bags, file.mapped(arguments.axis), choice, file.axis.kind)
+    return replace(choice, joint="") if arguments.against is not None and is_model(arguments.against) else choice
 
 
 def summary(found: Diagnosis) -> str:

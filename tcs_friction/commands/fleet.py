@@ -20,11 +20,15 @@ from tcs_friction.commands.inputs import add_reading, choice_of
 from tcs_friction.commands.parser import positive
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.diagnose.parallel import cores
-from tcs_friction.errors import InputError, JobError, printable
+from tcs_friction.errors import InputError, JobError, one_line
+from tcs_friction.recording.bags import chosen_signals, joints_in
+from tcs_friction.recording.choice import Choice
+from tcs_friction.recording.signals import SignalMap
 from tcs_friction.writable import output_place
 
 if TYPE_CHECKING:
     from tcs_friction.fleet.engine import Summary
+    from tcs_friction.fleet.sources import Found
 
 SUBCOMMANDS = {"report": "fleet_report"}
 """First words that are commands of their own."""
@@ -64,14 +68,18 @@ def run(arguments: argparse.Namespace) -> None:
     from tcs_friction.fleet.store import Store
 
     choice = choice_of(arguments)
-    axes = tuple(axis.told(choice) for axis in read_axes(arguments.axes))
+    axes = read_axes(arguments.axes)
     if choice.joint and len(axes) > 1:
         raise InputError("--joint", f"{len(axes)} axes in {arguments.axes}", "joint in the entry of each")
-    plan = Plan(axes, str(arguments.axes), arguments.retry, not arguments.no_diagnose, arguments.samples)
     found = find(arguments.paths, arguments.output)
+    signals = _signals(found[0], axes[0].signals, choice) if choice.joint else None
+    axes = tuple(axis.told(choice, signals) for axis in axes)
+    plan = Plan(axes, str(arguments.axes), arguments.retry, not arguments.no_diagnose, arguments.samples)
     store = Store(arguments.output)
     with store.alone():
         summary = _run(arguments, found, plan, store)
+    for note in store.notes:
+        print(f"tcs-friction: {one_line(note)}", file=sys.stderr)
     content = {
         "recordings": summary.recordings, "pieces": summary.before + summary.now, "done_before": summary.before,
         "done_now": summary.now, "failed": summary.failed, "seconds": summary.seconds, "output": arguments.output,
@@ -79,6 +87,21 @@ def run(arguments: argparse.Namespace) -> None:
     print(json.dumps(content) if arguments.json else _told(summary, arguments.output))
     if summary.failed == summary.before + summary.now:
         raise JobError(arguments.output, f"none of {summary.failed} recordings could be worked on", summary.reasons[0])
+
+
+def _signals(first: Found, signals: SignalMap, choice: Choice) -> SignalMap:
+    """The signals of the joint that is meant; a number is that of the first recording, whose name holds for all."""
+    from tcs_friction.fleet.opening import at_hand
+
+    if not choice.joint.isdecimal():
+        return signals.of_joint(choice.joint)
+    with at_hand(first) as path:
+        if not first.table:
+            return chosen_signals([path], signals, choice)
+        names = joints_in(path, signals, choice)
+    if int(choice.joint) >= len(names):
+        raise InputError("--joint", f"no joint {choice.joint!r}", f"0 to {len(names) - 1} or a name")
+    return signals.of_joint(names[int(choice.joint)])
 
 
 def _run(arguments: argparse.Namespace, found: Any, plan: Any, store: Any) -> Summary:
@@ -103,7 +126,7 @@ def _told(summary: Summary, output: str) -> str:
     pieces = summary.before + summary.now
     cut = f" in {pieces} pieces" if pieces != summary.recordings else ""
     lines = [f"{summary.recordings} recordings{cut}: {summary.now} done now, {summary.before} before, {summary.failed} failed"]
-    lines += [f"  {printable(reason)}" for reason in summary.reasons[:MOST_TOLD]]
+    lines += [f"  {one_line(reason)}" for reason in summary.reasons[:MOST_TOLD]]
     if (more := len(summary.reasons) - MOST_TOLD) > 0:
         lines.append(f"  and {more} more")
     lines.append(output)

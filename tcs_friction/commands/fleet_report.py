@@ -57,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
             axes.append(axis)
         if not axes:
             raise InputError(arguments.out, "holds no recordings of any axis", "the results of ./tcs fleet")
+        if all(axis.unreadable for axis in axes):
+            raise InputError(arguments.out, f"no axis of it can be read: {axes[0].unreadable}", "the results of ./tcs fleet")
         show("comparing")
         fleet = fleet_trend(axes, arguments.since)
         show("writing")

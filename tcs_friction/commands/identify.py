@@ -6,16 +6,18 @@ Writes DIR/identification.json, DIR/axis.yaml (the axis with the identified fric
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from tcs_friction.commands.inputs import add_reading, add_recordings, choice_of
+from tcs_friction.commands.joints import ALL as ALL_JOINTS
+from tcs_friction.commands.joints import Done, for_each, tell
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
 from tcs_friction.commands.status_line import status_line
+from tcs_friction.conditioning.checks import check_changes
 from tcs_friction.conditioning.motion import prepare
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError, JobError, nearest
@@ -30,7 +32,7 @@ from tcs_friction.identify.result import Estimate, Identification
 from tcs_friction.identify.searches import AS_PRINTED, HYBRID, NAMES, Searches, compare_searches
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
-from tcs_friction.recording.bags import read_recordings
+from tcs_friction.recording.bags import chosen_signals, joints_in, read_recordings
 from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.report.identification_files import AXIS, IDENTIFICATION, content_of, write_identification
 from tcs_friction.report.numbers import aligned
@@ -46,7 +48,7 @@ SETTINGS = tuple(field.name for field in fields(SwarmOptions))
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     axis = "axis file: what is believed, and where the signals are"
     add_recordings(parser, "recordings, one data set with common physics", axis)
-    add_reading(parser)
+    add_reading(parser, every=True)
     parser.add_argument(
         "--law", help="friction law to fit instead of the axis file's; all: compare them on held-out data"
     )
@@ -86,11 +88,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    results_over_no_input(arguments.output, WRITTEN, [*arguments.bags, arguments.axis])
+def run(arguments: argparse.Namespace) -> None:
+    """Identify, write everything, say what was found; of all joints one after the other with --joint all."""
+    if arguments.joint != ALL_JOINTS:
+        tell(arguments, identified_into(arguments, arguments.output))
+        return
+    signals = load_axis(arguments.axis, UNKNOWN_INERTIA).mapped(arguments.axis)
+    joints = joints_in(arguments.bags[0], signals, choice_of(arguments))
+    for_each(arguments, "Identification", arguments.bags, joints, identified_into)
+
+
+def identified_into(arguments: argparse.Namespace, directory: Path) -> Done:
+    """One identification and its files."""
+    results_over_no_input(directory, WRITTEN, [*arguments.bags, arguments.axis])
     file = load_axis(arguments.axis, None if arguments.hold_inertia else UNKNOWN_INERTIA)
-    signals = file.mapped(arguments.axis)
-    options = IdentifyOptions(
+    options = _options(arguments)
+    choice = choice_of(arguments)
+    file = file.at(chosen_signals(arguments.bags, file.mapped(arguments.axis), choice))
+    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis), choice, file.axis.kind)
+    file = file.measured_in(same_torque_unit(recordings))
+    check_changes(recordings)
+    refuse_turned(prepare(recordings, options.bandwidth), file.axis.kind)
+    found, comparison, searches = _identified(arguments, recordings, file.axis, options)
+    if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
+        where = str(arguments.axis)
+        raise JobError(where, f"has no inertia, and {arguments.bags[0]} determines none: {found.inertia.reason}", "either")
+    write_identification(directory, file, found, recordings, comparison, searches)
+    tell_notes(recordings)
+    text, content = _summary(directory, found, comparison, searches), content_of(found, comparison, searches)
+    return Done(text, content, _sentence(found), "report.html", _failure(arguments, found))
+
+
+def _options(arguments: argparse.Namespace) -> IdentifyOptions:
+    """Raises InputError for what does not go together."""
+    if arguments.compare and arguments.law == ALL:
+        raise InputError("--compare", "given with --law all", "one law, on which both search")
+    if arguments.law not in (None, ALL):
+        law_named(arguments.law, "--law")
+    return IdentifyOptions(
         hold_inertia=arguments.hold_inertia,
         offset=not arguments.no_offset,
         loss=arguments.loss,
@@ -100,31 +135,22 @@ def run(arguments: argparse.Namespace) -> int:
         profile=arguments.profile,
         refine=arguments.refine,
     )
-    if arguments.compare and arguments.law == ALL:
-        raise InputError("--compare", "given with --law all", "one law, on which both search")
-    if arguments.law not in (None, ALL):
-        law_named(arguments.law, "--law")
-    recordings = read_recordings(arguments.bags, signals, choice_of(arguments), file.axis.kind)
-    file = file.measured_in(same_torque_unit(recordings))
-    refuse_turned(prepare(recordings, options.bandwidth), file.axis.kind)
-    found, comparison, searches = _identified(arguments, recordings, file.axis, options)
-    if not found.inertia.determined and "inertia" not in load_yaml(arguments.axis)["axis"]:
-        where = str(arguments.axis)
-        raise JobError(where, f"has no inertia, and {arguments.bags[0]} determines none: {found.inertia.reason}", "either")
-    write_identification(arguments.output, file, found, recordings, comparison, searches)
-    tell_notes(recordings)
-    print(
-        json.dumps(content_of(found, comparison, searches), allow_nan=False)
-        if arguments.json
-        else _summary(arguments.output, found, comparison, searches)
-    )
+
+
+def _failure(arguments: argparse.Namespace, found: Identification) -> JobError | None:
+    """Why what was found and written is no result, None if it is one."""
     if not any(item.determined for item in found.parameters.values()):
         expected = "a recording with reversals and several speeds"
-        raise JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
+        return JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
     if not found.minimum:
         expected = "--refine, or more generations; what it found is written, without intervals"
-        raise JobError(f"--method {arguments.method}", NO_MINIMUM, expected)
-    return 0
+        return JobError(f"--method {arguments.method}", NO_MINIMUM, expected)
+    return None
+
+
+def _sentence(found: Identification) -> str:
+    values = [f"{name} {_shown(item, found.minimum).strip()}" for name, item in found.every.items()]
+    return f"{found.law}: {'; '.join(values)}"
 
 
 def _identified(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from tcs_friction.commands.parser import name_word
 from tcs_friction.errors import InputError
 from tcs_friction.recording.choice import Choice, columns_of
 from tcs_friction.writable import output_directory
 
 SIMULATED, MUJOCO = "simulated", "mujoco"
 MOUNT = "mount_two_axis.xml"
+EACH = "all: each of them, in a folder of its own, and one page over all"
 
 
 def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_required: bool = True) -> None:
@@ -20,13 +22,14 @@ def add_recordings(parser: argparse.ArgumentParser, bags: str, axis: str, axis_r
     parser.add_argument("-o", "--output", required=True, type=output_directory, metavar="DIR", help="where the results go")
 
 
-def add_reading(parser: argparse.ArgumentParser, joint: bool = True) -> None:
-    """--column, --joint and --strict: what recordings, bags and tables alike, do not say themselves."""
+def add_reading(parser: argparse.ArgumentParser, joint: bool = True, every: bool = False) -> None:
+    """--column, --joint and --strict: what recordings, bags and tables alike, do not say themselves. every: --joint all."""
     add = parser.add_argument
     which = "of a table: which column, by name or number from 1, is time, position, torque, velocity, temperature or reference"
     add("--column", action="append", default=[], metavar="SIGNAL=COLUMN[:UNIT]", help=which)
     if joint:
-        add("--joint", default="", metavar="NAME", help="which joint of the recording; of a table also its number from 0")
+        which = "which joint of the recording, by name or by number from 0 on"
+        add("--joint", type=name_word, default="", metavar="NAME", help=which + (f"; {EACH}" if every else ""))
     add("--strict", action="store_true", help="refuse a recording in which something would have to be mended")
 
 
@@ -46,7 +49,7 @@ def add_plant(parser: argparse.ArgumentParser) -> None:
 def add_joint(parser: argparse.ArgumentParser) -> None:
     """--joint: which joint of a MuJoCo model is the axis."""
     which = "MuJoCo: joint that is the axis (default: the one that has its name)"
-    parser.add_argument("--joint", default="", metavar="NAME", help=which)
+    parser.add_argument("--joint", type=name_word, default="", metavar="NAME", help=which)
 
 
 def check_plant(arguments: argparse.Namespace) -> None:

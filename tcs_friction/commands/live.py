@@ -16,6 +16,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tcs_friction.commands.parser import name_word
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.entry import end_at_once, hear_over_udp, keep_logs, stay_local
 
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--token-file", default="", metavar="FILE", help="file with the token; else the variable TCS_LIVE_TOKEN")
     parser.add_argument("--control", action="store_true", help="with --host: others may give orders, too")
     known = "another name by which the page is reached; may be repeated"
-    parser.add_argument("--name", action="append", default=[], metavar="NAME", help=known)
+    parser.add_argument("--name", type=name_word, action="append", default=[], metavar="NAME", help=known)
     shown = "directory whose recordings and reports are listed: the nodes' parameter `results` (default: %(default)s)"
     parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help=shown)
 

@@ -41,14 +41,20 @@ ANGLES = {DEGREES: "degrees", 1.0 / DEGREES: "rad where the axis file has degree
 LENGTHS = {1e3: "mm", 1e-3: "m where the axis file has mm"}
 
 
-def check(recordings: Sequence[Recording]) -> None:
-    """Refuse what cannot carry a torque balance, in one line."""
+def check_changes(recordings: Sequence[Recording]) -> None:
+    """Refuse a position or a torque that is always the same, in one line."""
     for r in recordings:
         if np.ptp(r.position) == 0.0:
             raise InputError(r.source, "the position never changes", "a recording in which the axis moves")
         if np.ptp(r.torque) == 0.0:
             found = f"the torque is constant ({r.torque[0]:g})"
             raise InputError(r.source, found, "the torque applied to the axis")
+
+
+def check(recordings: Sequence[Recording]) -> None:
+    """Refuse what cannot carry a torque balance, in one line."""
+    check_changes(recordings)
+    for r in recordings:
         distinct = len(np.unique(r.position))
         if distinct < FEWEST_POSITIONS:
             found = f"the position takes only {distinct} values"

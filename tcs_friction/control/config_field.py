@@ -153,20 +153,10 @@ def _build(config_class: type[Config], mapping: object, where: str) -> Config:
         if key in nested:
             values[key] = _build(nested[key], value, f"{where} {key}")
         elif key in declared:
-            values[key] = _number(value) if isinstance(declared[key].default, float) else value
+            values[key] = float(value) if isinstance(declared[key].default, float) and type(value) is int else value
         else:
             raise InputError(where, f"unknown key {key!r}", nearest(str(key), [*declared, *nested]))
     return config_class(**values)
-
-
-def _number(value: object) -> object:
-    """A whole number, or one that YAML 1.1 takes for text (1e3), as a float; anything else as it is."""
-    if type(value) is int:
-        return float(value)
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def flatten(config: Any, prefix: str = "") -> dict[str, tuple[Setting, Any]]:

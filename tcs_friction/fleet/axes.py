@@ -56,10 +56,10 @@ class FleetAxis:
         choice = f" {self.columns} {self.strict}" if self.columns or self.strict else ""
         return f"{self.text}{choice}"
 
-    def told(self, choice: Choice) -> FleetAxis:
-        """The same with what somebody says on the command line as well."""
+    def told(self, choice: Choice, signals: SignalMap | None = None) -> FleetAxis:
+        """The same with what somebody says on the command line as well. signals: of the joint that is meant."""
         columns = tuple(sorted({**dict(self.columns), **choice.columns}.items()))
-        text = _text(self.file, self.signals.of_joint(choice.joint)) if choice.joint else self.text
+        text = _text(self.file, signals) if signals is not None else self.text
         return replace(self, text=text, columns=columns, strict=choice.strict)
 
     def table(self, path: Path) -> Recording:

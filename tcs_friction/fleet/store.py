@@ -3,7 +3,8 @@
     OUT/rows/axis=NAME/month=YYYY-MM/   rows as they are finished, a file each; one file for all once a run is over
     OUT/looks.jsonl                     the first looks: a cache, which may be lost
 
-A file appears whole or not at all. A row is in its file before it counts as done, so a run that is killed goes on from there.
+A file appears whole or not at all. A row is in its file before it counts as done, so a run that is killed goes on from there. One
+that cannot be read is told of and set aside under another name; what was in it is worked on again.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from tcs_friction.fleet.rows import FILE_SCHEMA, PARTITIONING, SCHEMA, Row, from
 
 LOOKS = "looks.jsonl"
 KEY = ["axis", "month", "recording", "piece", "input_hash", "version", "status"]
+UNREADABLE = ".unreadable"  # behind the name of a file that is set aside
 SEEN_EVERY = 30.0  # s between two writings of the looks, or longer where writing them takes long
 
 
@@ -55,6 +57,7 @@ class Store:
 
     def __init__(self, out: str) -> None:
         self.out = out
+        self.notes: list[str] = []
         self._looks: dict[str, Look] = {}
         self._written = (0.0, 0.0)  # when the looks were written last, and how long that took
         try:
@@ -85,19 +88,32 @@ class Store:
 
     def kept(self) -> list[Kept]:
         """Every row that is there."""
-        if not self._files("rows"):
+        paths = self._files("rows")
+        if not paths:
             return []
-        table = self._dataset(self._path("rows")).to_table(columns=KEY)
-        return [Kept(**row) for row in table.to_pylist()]
-
-    def _dataset(self, path: str | list[str]) -> Any:
         try:
-            return dataset(
-                path, schema=SCHEMA, filesystem=self.fs, format="parquet", partitioning=PARTITIONING,
-                partition_base_dir=self._path("rows"), exclude_invalid_files=False,
-            )  # fmt: skip
+            return self._kept(paths)
+        except (OSError, ArrowException):
+            return self._kept([path for path in paths if not self._set_aside(path)])
+
+    def _kept(self, paths: list[str]) -> list[Kept]:
+        return [Kept(**row) for row in self._dataset(paths).to_table(columns=KEY).to_pylist()] if paths else []
+
+    def _set_aside(self, path: str) -> bool:
+        """Whether a file had to be given another name, since it cannot be read."""
+        try:
+            self._dataset([path]).to_table()
         except (OSError, ArrowException) as error:
-            raise InputError(self.out, f"its rows cannot be read ({_said(error)})", "results of this command") from None
+            self.notes.append(f"{path}: cannot be read ({_said(error)}), set aside; what was in it is worked on again")
+            self.fs.mv(path, f"{path}{UNREADABLE}")
+            return True
+        return False
+
+    def _dataset(self, path: list[str]) -> Any:
+        return dataset(
+            path, schema=SCHEMA, filesystem=self.fs, format="parquet", partitioning=PARTITIONING,
+            partition_base_dir=self._path("rows"), exclude_invalid_files=False,
+        )  # fmt: skip
 
     def write(self, row: Row) -> None:
         """Keep one row."""
@@ -123,7 +139,13 @@ class Store:
     def rows_beside(self, kept: Kept) -> list[Row]:
         """All rows of its axis and month."""
         paths = self._files_in(self._partition(kept.axis, kept.month))
-        return from_table(self._dataset(paths).to_table()) if paths else []
+        return self._rows(paths)
+
+    def _rows(self, paths: list[str]) -> list[Row]:
+        try:
+            return from_table(self._dataset(paths).to_table()) if paths else []
+        except (OSError, ArrowException):
+            return self._rows([path for path in paths if not self._set_aside(path)])
 
     def settle(self, superseded: Collection[Kept]) -> None:
         """Leave each row once, none of `superseded`, and one file for each axis and month."""
@@ -137,7 +159,7 @@ class Store:
                 self._settle_folder(folder, paths, gone)
 
     def _settle_folder(self, folder: str, paths: list[str], gone: set[Kept]) -> None:
-        rows = {_kept(row): row for row in from_table(self._dataset(paths).to_table())}
+        rows = {_kept(row): row for row in self._rows(paths)}
         current = (row for kept, row in rows.items() if kept not in gone)
         left = sorted(current, key=lambda row: (row.start, row.recording, row.piece))
         name = ""
@@ -146,7 +168,7 @@ class Store:
             name = f"rows-{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
             self._write_rows(folder, name, left)
         for path in paths:
-            if not name or not path.endswith(f"/{name}"):
+            if (not name or not path.endswith(f"/{name}")) and self.fs.exists(path):  # else it is set aside
                 self.fs.rm_file(path)
 
     # looks

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcs_friction.conditioning.motion import Motion, coarse
+from tcs_friction.errors import InputError
 from tcs_friction.identify.uncertainty import independent_samples, sandwich
 
 FEWEST = 8.0  # independent samples at least
@@ -38,10 +39,15 @@ class Balance:
 
 
 def linear_balance(motion: Motion, position: Sequence[str] = ("constant",)) -> Balance:
-    """By least squares. position: of `constant` (1), `line` (q), `gravity` (sin q and cos q) and, in its place, `drift` (t)."""
+    """By least squares. position: of `constant` (1), `line` (q), `gravity` (sin q and cos q) and, in its place, `drift` (t).
+
+    Raises InputError where the axis hardly moves.
+    """
     if motion.bandwidth > 0.0:  # as many samples as carry information
         _, motion = coarse(motion, max(1, int(motion.rate / (SAMPLES_PER_CYCLE * motion.bandwidth))))
     moving = np.abs(motion.velocity) > motion.resolution
+    if np.count_nonzero(moving) <= FEWEST:
+        raise InputError("signal position", "nothing but noise in it", "a recording in which the axis moves")
     v, a, q = motion.velocity[moving], motion.acceleration[moving], motion.position[moving]
     parts = {"constant": [np.ones(len(q))], "line": [q], "gravity": [np.sin(q), np.cos(q)], "drift": [motion.t[moving]]}
     columns = np.column_stack([a, np.sign(v), v, *(column for name in position for column in parts[name])])

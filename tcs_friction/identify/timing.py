@@ -8,7 +8,7 @@ which finds the rest within a period.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
@@ -25,11 +25,31 @@ CHANCE = 1e-3  # probability that another timing explains so much more where the
 RANK = 1e-9  # of the largest, below which columns are the same, and of a torque's squares, which differences do not resolve
 
 
+@dataclass(frozen=True)
+class Lag:
+    """By how much later (s) than in a motion its torque acts, to half a period, as the inertia's torque tells.
+
+    told: whether that torque is large enough to tell any. better: whether it is another timing by more than chance.
+    """
+
+    late: float
+    told: bool
+    better: bool
+
+
 def likely_timing(motion: Motion) -> Timing:
     """The timing that explains a motion's torque best, to half a period; its own unless another is better by more than chance.
 
     It is told by the inertia's torque: without that, any timing is as good, and a controller's answers to disturbances decide.
     """
+    lag = likely_lag(motion)
+    if not (lag.told and lag.better):
+        return motion.timing
+    return replace(motion.timing, acts=motion.timing.acts + lag.late)
+
+
+def likely_lag(motion: Motion) -> Lag:
+    """The lag with which a motion's torque is explained best."""
     period = motion.grids[0].logged.period
     reach = max(LONGEST, 3.0 * period)
     per_sample = max(1, round(PER_PERIOD / (motion.rate * period)))
@@ -38,11 +58,9 @@ def likely_timing(motion: Motion) -> Timing:
     left, still = _left(motion, columns, lags, per_sample), _left(motion, columns[1:], lags, per_sample)
     best, here = int(np.argmin(left)), int(np.flatnonzero(lags == 0)[0])
     independent = 2.0 * motion.bandwidth * len(motion) / motion.rate
-    told = independent * np.log(np.array([left[here], still[best]]) / left[best])
-    if told.min() < chi2.ppf(1.0 - CHANCE, 1):
-        return motion.timing
-    late = -float(lags[best]) / (motion.rate * per_sample)
-    return replace(motion.timing, acts=motion.timing.acts + late)
+    gained = independent * np.log(np.array([left[here], still[best]]) / left[best])
+    better, told = gained >= chi2.ppf(1.0 - CHANCE, 1)
+    return Lag(-float(lags[best]) / (motion.rate * per_sample), bool(told), bool(better))
 
 
 def _left(motion: Motion, columns: np.ndarray, lags: np.ndarray, per_sample: int) -> np.ndarray:

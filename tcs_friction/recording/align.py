@@ -9,20 +9,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording import clock
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns, counted
 from tcs_friction.recording.mending import mended
-from tcs_friction.recording.publishers import Said, of_the_axis
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
-from tcs_friction.recording.stamps import SAME_PACE, Pace, pace, stamped
+from tcs_friction.recording.stamps import stamped
+from tcs_friction.recording.time_base import TimeBase, of_one_publisher, on_base_clock, time_base
 from tcs_friction.recording.unwrap import unwrapped
 
 SLOW = 60_000_000_000
@@ -34,29 +31,6 @@ MOST = 0.5
 SIMULTANEOUS = 0.05
 """Share of a period by which clocks may disagree about one instant; without it rounding would delay by a period."""
 
-OTHER_CLOCK = 1_000_000_000
-"""ns; topics whose header clocks differ by more (seen through the log time) are not on the same clock."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Base:
-    """The time base: rows of the position topic in order, their times, and how those run beside the log times."""
-
-    columns: TopicColumns
-    rows: NDArray[np.intp] | slice
-    times: Nanoseconds
-    restarts: tuple[int, ...]
-    headers: bool
-
-    @cached_property
-    def seconds(self) -> Column:
-        """The times from the first on, s."""
-        return (self.times - self.times[0]) / 1e9
-
-    @cached_property
-    def pace(self) -> Pace:
-        return pace(self.times, self.columns.log_times[self.rows])
-
 
 def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, notes: Sequence[str] = ()) -> Recording:
     """One recording from the columns of every topic that `signals` names.
@@ -64,7 +38,7 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
     Raises InputError when a needed signal has no usable samples, and when nobody can tell the clock, the publisher or the turns.
     """
     told = list(notes)
-    base = _base(columns[signals.position.topic], signals, source, told)
+    base = time_base(columns[signals.position.topic], signals, source, told)
     fine = np.ones(len(base.times), dtype=np.bool_)
     values: dict[str, Column | None] = {}
     log: tuple[Nanoseconds, Column] | None = None
@@ -80,52 +54,8 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
     return _cut(base, fine, passed, sorted({*base.restarts, *cuts}), values, signals, source, told, log)
 
 
-def _base(columns: TopicColumns, signals: SignalMap, source: str, told: list[str]) -> _Base:
-    position = signals.position
-    rows = np.arange(len(columns))
-    if position in columns.absent:
-        rows = np.flatnonzero(~columns.absent[position])
-        left_out = len(columns) - len(rows)
-        told.append(f"{columns.topic}: {left_out} messages without joint {position.joint} passed over")
-    chosen = stamped(columns, source, told)
-    headers = chosen is None or bool(chosen.any())
-    if chosen is not None and headers:
-        rows = rows[chosen[rows]]
-    stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
-    told.append(f"time base: {'header stamps' if headers else 'log times'} of {columns.topic}")
-    parts = {"position": position, "velocity": signals.velocity, "torque": signals.torque}
-    rows = _of_one_publisher(columns, parts, stamps, rows, source, told)
-    whole = len(rows) == len(columns)
-    line = clock.timeline(stamps, columns.log_times) if whole else clock.timeline(stamps[rows], columns.log_times[rows])
-    told.extend(mended(f"{columns.topic}: {note}") for note in line.notes)
-    if len(line.times) < 2:
-        raise InputError(source, f"{len(line.times)} messages with {position}", "at least 2")
-    untouched = whole and not line.notes  # nothing left out or sorted: no copies
-    base = _Base(columns, slice(None) if untouched else rows[line.rows], line.times, line.restarts, headers)
-    if headers and (found := base.pace).drifts and abs(found.rate - 1.0) > SAME_PACE:
-        told.append(f"{columns.topic}: header stamps run {found}")
-    return base
-
-
-def _of_one_publisher(
-    columns: TopicColumns, parts: Mapping[str, SignalSource | None], stamps: Nanoseconds, rows: NDArray[np.intp],
-    source: str, told: list[str],
-) -> NDArray[np.intp]:  # fmt: skip
-    """The rows that one publisher of the joint said."""
-    here = {name: part for name, part in parts.items() if part is not None and part.topic == columns.topic}
-    if len(rows) == len(columns):
-        said = Said(stamps, columns.log_times, {name: columns.values[part] for name, part in here.items()})
-    else:
-        signals = {name: columns.values[part][rows] for name, part in here.items()}
-        said = Said(stamps[rows], columns.log_times[rows], signals)
-    joint = next(iter(here.values())).joint
-    whose = f"{columns.topic} (joint {joint})" if joint is not None else columns.topic
-    kept = of_the_axis(said, whose, source, told)
-    return rows if kept is None else rows[kept]
-
-
 def _made_continuous(
-    base: _Base, values: dict[str, Column | None], source: str, told: list[str]
+    base: TimeBase, values: dict[str, Column | None], source: str, told: list[str]
 ) -> tuple[Mask | None, tuple[int, ...]]:
     """Position, velocity and reference across wraps, in place; which samples are to be passed over, and where the zero is new."""
     position, velocity, reference = (values.get(name) for name in ("position", "velocity", "reference"))
@@ -156,13 +86,15 @@ def _made_continuous(
 
 
 def _from_other_topic(
-    base: _Base, columns: TopicColumns, name: str, signal: SignalSource, source: str, told: list[str]
+    base: TimeBase, columns: TopicColumns, name: str, signal: SignalSource, source: str, told: list[str]
 ) -> tuple[Column, tuple[Nanoseconds, Column] | None]:
     """The signal at the times of the base, and as it was recorded, on the clock of the base."""
     values = columns.values[signal]
     usable = np.isfinite(values)
     if not usable.all() and usable.any():
-        told.append(f"{name}: {np.count_nonzero(~usable)} samples of {signal} are not finite or absent, left out")
+        told_of = f"{name}: {np.count_nonzero(~usable)} samples of {signal} are not finite or absent, left out"
+        others = columns.absent.get(signal)  # messages about other joints lack nothing
+        told.append(told_of if others is not None and others[~usable].all() else mended(told_of))
     if not usable.any():
         return np.full(len(base.times), np.nan), None
     chosen = stamped(columns, source, told)
@@ -172,11 +104,11 @@ def _from_other_topic(
     rows = np.flatnonzero(usable)
     stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
     if name == "torque":
-        rows = _of_one_publisher(columns, {name: signal}, stamps, rows, source, told)
+        rows = of_one_publisher(columns, {name: signal}, stamps, rows, source, told)
     line = clock.timeline(stamps[rows], columns.log_times[rows])
     told.extend(mended(f"{columns.topic}: {note}") for note in line.notes)
     rows = rows[line.rows]
-    times = _on_base_clock(base, columns, line.times, columns.log_times[rows], headers, source, told)
+    times = on_base_clock(base, columns, line.times, columns.log_times[rows], headers, source, told)
     limit = clock.gap_limit(times)
     if name == "temperature":
         limit = max(limit, SLOW)
@@ -185,35 +117,6 @@ def _from_other_topic(
         return held(base.times, times, values[rows], limit), (times, values[rows])
     told.append(f"{name}: interpolated from {columns.topic} onto the times of {base.columns.topic}")
     return interpolated(base.times, times, values[rows], limit), (times, values[rows])
-
-
-def _on_base_clock(
-    base: _Base, columns: TopicColumns, times: Nanoseconds, log_times: Nanoseconds, headers: bool, source: str, told: list[str]
-) -> Nanoseconds:
-    """Times of another topic on the clock of the base; the log time is the bridge between two clocks.
-
-    Raises InputError where one of the clocks does not keep its pace beside the log times, so that they are no bridge.
-    """
-    topic, main, own = columns.topic, base.pace, pace(times, log_times)
-    for name, paced in ((base.columns.topic, main), (topic, own)):
-        if paced.drifts and not paced.steady:
-            found = f"header stamps of {name} and log times do not keep pace, and {topic} has no stamps of the same clock"
-            if not headers or abs(own.shift - main.shift) > OTHER_CLOCK:
-                raise InputError(source, found, "header stamps of one clock in both")
-    if headers and base.headers and abs(own.shift - main.shift) <= OTHER_CLOCK:
-        return times
-    if not headers and not base.headers:
-        return times
-    moved = f"moved by {(main.shift - own.shift) * 1e-9:+.6f} s"
-    scaled = main.drifts or own.drifts
-    if scaled:
-        moved = f"{moved} and run {main.rate / own.rate:.4g} times as fast"
-    if headers:
-        told.append(mended(f"{topic}: header stamps on another clock, {moved} to match the log times"))
-    else:
-        note = f"{topic}: log times, {moved}, the usual latency of {base.columns.topic}"
-        told.append(mended(note) if scaled else note)
-    return main.at(own.log_of(times))
 
 
 def held(times: Nanoseconds, known: Nanoseconds, values: Column, limit: int) -> Column:
@@ -252,18 +155,18 @@ def _usable(
     if not np.any(finite):
         if needed:
             raise InputError(source, f"no finite {name} sample in {signal} within the recording", "at least 2")
-        told.append(f"{name}: no finite sample in {signal} within the recording, left out")
+        told.append(mended(f"{name}: no finite sample in {signal} within the recording, left out"))
         return None
     if not needed and bad > MOST * len(column):
-        told.append(f"{name}: {bad} of {len(column)} samples missing or not finite, signal left out")
+        told.append(mended(f"{name}: {bad} of {len(column)} samples missing or not finite, signal left out"))
         return None
-    told.append(f"{name}: {bad} of {len(column)} samples missing or not finite, cut as gaps")
+    told.append(mended(f"{name}: {bad} of {len(column)} samples missing or not finite, cut as gaps"))
     fine &= finite
     return column
 
 
 def _cut(
-    base: _Base, fine: Mask, passed: Mask | None, cuts: Sequence[int], values: dict[str, Column | None],
+    base: TimeBase, fine: Mask, passed: Mask | None, cuts: Sequence[int], values: dict[str, Column | None],
     signals: SignalMap, source: str, told: list[str], log: tuple[Nanoseconds, Column] | None,
 ) -> Recording:  # fmt: skip
     """The samples that are fine, in segments: cut where others are missing, save those that are to be passed over."""

@@ -20,13 +20,15 @@ from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.columns import TopicColumns
 from tcs_friction.recording.decode import Batch, topic_columns
 from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.joints import joints_of, signals_of
 from tcs_friction.recording.mcap_index import IndexedBag
-from tcs_friction.recording.mending import refuse_mended
+from tcs_friction.recording.mending import DAMAGED, mended, refuse_mended
 from tcs_friction.recording.metadata import listed_files
 from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.storage import ZSTD_MAGIC, Damage, UnpackError, unpack, unpack_file, zstd
-from tcs_friction.recording.table_files import is_table, refuse_foreign
+from tcs_friction.recording.table_files import is_table, read_table, refuse_foreign
+from tcs_friction.recording.table_roles import joint_names
 from tcs_friction.recording.tables import import_table
 
 Scan = mcap_read.McapScan | sqlite_read.SqliteScan | ros1_read.Ros1Scan
@@ -53,7 +55,28 @@ def read_recordings(
     Raises InputError when a bag is none, or lacks a topic, field or joint, when a table lacks a column, when the torques of
     several are in units that do not convert, and when something is mended that must not be.
     """
-    return agreeing(tuple(map(partial(_recording, signals, choice, kind), map(Path, bags))), choice)
+    own = chosen_signals(bags, signals, choice)
+    return agreeing(tuple(map(partial(_recording, own, choice, kind), map(Path, bags))), choice)
+
+
+def chosen_signals(bags: Sequence[Path], signals: SignalMap, choice: Choice) -> SignalMap:
+    """The signals of the joint that is meant, in all bags that of the first one. Raises InputError for a number that none has."""
+    first = next((path for path in map(Path, bags) if not is_table(path)), None)
+    return signals if first is None or not choice.joint else signals_of(Bag(first), signals, choice.joint)
+
+
+def joints_in(path: Path, signals: SignalMap | None, choice: Choice = NOTHING_CHOSEN) -> tuple[str, ...]:
+    """The joints of a bag or table, by name or, of arrays without names, number. signals: of one of them, in a bag.
+
+    Raises InputError where there are none.
+    """
+    if is_table(path) or signals is None:
+        names = joint_names(read_table(path), choice.columns, str(path))
+    else:
+        names = joints_of(Bag(path), signals)
+    if not names:
+        raise InputError(str(path), "names no joints", "positions and torques of several")
+    return names
 
 
 def agreeing(recordings: Sequence[Recording], choice: Choice) -> tuple[Recording, ...]:
@@ -69,7 +92,6 @@ def _recording(signals: SignalMap, choice: Choice, kind: str | None, path: Path)
         return import_table(path, choice.joint, choice.columns, signals, kind).recording
     if choice.columns:
         raise InputError("--column", f"given for {path}", "a table")
-    signals = signals.of_joint(choice.joint) if choice.joint else signals
     bag = Bag(path)
     sources = [source for _, source in signals.named()]
     columns, notes = read_columns(bag, sources)
@@ -148,7 +170,7 @@ class Bag:
                 self.channels.update(scan.channels.values())
                 if isinstance(scan, mcap_read.McapScan) and scan.files > 1:
                     self.channels.update(scan.earlier)
-                    joined.append(f"{path.name}: {scan.files} mcap files one behind the other, all read")
+                    joined.append(mended(f"{path.name}: {scan.files} mcap files one behind the other, all read"))
                 read += scan.read
         if self.damage and self.damage.unsure and self.stated is not None and self.stated >= read:
             self.damage.lost_messages, self.damage.unsure = self.stated - read, False
@@ -192,12 +214,13 @@ class Bag:
             names, self.stated = listed_files(metadata)
             named = [path for name in names if (path := self.path / name).name == name]
         except InputError as error:
-            self._file_notes.append(f"metadata.yaml is broken ({error.found}); {len(present)} storage files found by name")
+            broken = f"metadata.yaml is broken ({error.found}); {len(present)} storage files found by name"
+            self._file_notes.append(mended(broken))
             named = present
         files = [path for path in named if path.is_file()]
         if missing := [path.name for path in named if path not in files]:
             shown = ", ".join(missing[:MOST_MISSING]) + (f" and {more} more" if (more := len(missing) - MOST_MISSING) > 0 else "")
-            self._file_notes.append(f"damaged: {shown} missing, the rest read")
+            self._file_notes.append(f"{DAMAGED}{shown} missing, the rest read")
         files = files or present
         if not files:
             raise InputError(str(self.path), "none of its storage files exists", "the files that metadata.yaml names")

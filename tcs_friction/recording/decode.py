@@ -16,6 +16,7 @@ from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns
 from tcs_friction.recording.definitions import Channel, full_name, types_of
 from tcs_friction.recording.layout import Layout, MalformedError, layout
+from tcs_friction.recording.mending import mended
 from tcs_friction.recording.recording import Column
 from tcs_friction.recording.signals import SignalSource
 from tcs_friction.recording.targets import stamp_path, target
@@ -271,7 +272,7 @@ def topic_columns(
     result = {}
     for topic, parts in growing.items():
         if parts.spoilt:
-            told.append(f"{topic}: {parts.spoilt} messages do not fit their type, left out")
+            told.append(mended(f"{topic}: {parts.spoilt} messages do not fit their type, left out"))
         if parts.count:
             result[topic] = parts.columns(bag)
     return result

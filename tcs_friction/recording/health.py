@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from tcs_friction.recording.freshness import fresh_samples, longest_unchanged
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.stamps import stamped
+from tcs_friction.recording.units import torque_base
 
 UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "torque": "N m or N", "temperature": "degC", "reference": "rad or m"}
 BY_REP_103 = "as ROS has it (REP 103)"
@@ -28,6 +29,11 @@ SAME = 0.03
 LONG = 10.0
 """Fresh periods without a change that are worth a word (clock.GAP_PERIODS)."""
 FEWEST = 100
+
+
+def nobody_knows(_: Recording) -> float | None:
+    """When the torque of a recording acts, where nobody looks."""
+    return None
 
 
 @dataclass(frozen=True)
@@ -61,13 +67,18 @@ class SignalHealth:
 
 @dataclass(frozen=True)
 class Health:
-    """signals by name. notes: what reading them as a recording finds and mends. refused: why they are none, or None."""
+    """signals by name. notes: what reading them as a recording finds and mends. refused: why they are none, or None.
+
+    acts: s after its stamp at which a torque begins to act, as the motion tells, None where it does not. period: of it, s.
+    """
 
     signals: dict[str, SignalHealth]
     notes: tuple[str, ...]
     refused: str | None
     samples: int
     duration: float
+    acts: float | None = None
+    period: float = 0.0
 
     def to_mapping(self) -> dict[str, Any]:
         """For JSON."""
@@ -77,13 +88,26 @@ class Health:
         """For people."""
         width = max(map(len, self.signals), default=0)
         lines = [f"  {name:{width}}  {one}" for name, one in self.signals.items()]
+        lines += [f"  {self._timing()}"] if self.samples else []
         lines += [f"  {note}" for note in self.notes if not note.startswith("time base: header")]
         usable = f"read as a recording: {self.samples} samples, {self.duration:.6g} s"
         return ["# signals of the axis", *lines, f"  refused: {self.refused}" if self.refused else f"  {usable}"]
 
+    def _timing(self) -> str:
+        if self.acts is None:
+            return "torque and motion: the motion does not tell when the torque acts"
+        side = "before" if self.acts < 0.0 else "after"
+        when = f"{1e3 * abs(self.acts):.3g} ms {side} its stamp" if self.acts else "at its stamp"
+        said = f"torque and motion: a torque begins to act {when}, as the motion tells (to half of {1e3 * self.period:.3g} ms)"
+        held = -1.5 * self.period <= self.acts <= 0.5 * self.period
+        return said if held else f"{said}: clocks, filters or a delay"
 
-def health(path: Path, block: Mapping[str, Any]) -> Health | None:
-    """The proposed signals of a bag (`block`: as SignalMap.from_mapping takes it) looked at; None without position or torque."""
+
+def health(path: Path, block: Mapping[str, Any], acting: Callable[[Recording], float | None] = nobody_knows) -> Health | None:
+    """The proposed signals of a bag (`block`: as SignalMap.from_mapping takes it) looked at; None without position or torque.
+
+    acting: when the torque of a recording acts, as `Health.acts` has it.
+    """
     if not {"position", "torque"} <= set(block):
         return None
     signals = SignalMap.from_mapping(block, str(path))
@@ -99,7 +123,8 @@ def health(path: Path, block: Mapping[str, Any]) -> Health | None:
         return Health(found, tuple(notes), f"{error.found}, expected {error.expected}", 0, 0.0)
     if (said := _velocity_says(recording)) and "velocity" in found:
         found["velocity"] = _with_reason(found["velocity"], said)
-    return Health(found, recording.notes, None, len(recording), recording.duration)
+    acts, period = acting(recording), 1.0 / found["torque"].fresh if found["torque"].fresh else 0.0
+    return Health(found, recording.notes, None, len(recording), recording.duration, acts, period)
 
 
 def _looked_at(name: str, columns: TopicColumns, source: SignalSource) -> SignalHealth:
@@ -113,7 +138,7 @@ def _looked_at(name: str, columns: TopicColumns, source: SignalSource) -> Signal
     stamps = columns.stamps if headers and columns.stamps is not None else columns.log_times
     line = clock.timeline(stamps[rows], columns.log_times[rows])
     fine = values[rows][line.rows]
-    unit, why = UNITS.get(name, ""), "unit unknown" if name not in UNITS else BY_REP_103
+    unit, why = _believed(name, source)
     if not len(fine):
         return SignalHealth(str(source), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, unit, "no finite value")
     seconds = (line.times - line.times[0]) * 1e-9
@@ -122,6 +147,14 @@ def _looked_at(name: str, columns: TopicColumns, source: SignalSource) -> Signal
     unchanged, since = longest_unchanged(seconds, fine)
     rate, fresh = (1.0 / one if one > 0.0 else 0.0 for one in (usual, period))
     return SignalHealth(str(source), rate, fresh, unchanged, since, float(fine.min()), float(fine.max()), unit, why)
+
+
+def _believed(name: str, source: SignalSource) -> tuple[str, str]:
+    """The unit of a signal and why."""
+    if source.unit:
+        unit = torque_base(source.unit, source.rated) if name == "torque" else ""
+        return unit or UNITS[name], f"recorded in {source.unit}, as its name says"
+    return UNITS.get(name, ""), BY_REP_103 if name in UNITS else "unit unknown"
 
 
 def _velocity_says(recording: Recording) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from tcs_friction.errors import InputError, printable
 from tcs_friction.recording import clock
@@ -20,6 +19,7 @@ from tcs_friction.recording.definitions import Channel
 from tcs_friction.recording.propose import Proposal, proposed_signals
 from tcs_friction.recording.recording import Column
 from tcs_friction.recording.signals import SignalSource
+from tcs_friction.yaml_files import dump_yaml
 
 SECOND = 1e-9
 
@@ -179,7 +179,7 @@ def info_text(info: BagInfo, looked_at: Sequence[str] = ()) -> str:
     lines += ["", *looked_at] if looked_at else []
     if info.signals:
         lines += ["", "# proposal for the axis file; check it, above all the torque's scale"]
-        lines.append(yaml.safe_dump({"signals": info.signals}, sort_keys=False, default_flow_style=None, width=120).rstrip())
+        lines.append(dump_yaml({"signals": info.signals}, 120, None).rstrip())
     else:
         lines += ["", "# nothing here looks like position and torque of an axis"]
     return "\n".join(printable(part) for line in lines for part in line.split("\n"))

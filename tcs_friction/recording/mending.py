@@ -8,6 +8,8 @@ from tcs_friction.errors import InputError
 from tcs_friction.recording.recording import Recording
 
 MENDED = "mended: "
+DAMAGED = "damaged: "
+"""What the notes on something put right, or lost, begin with."""
 
 
 def mended(line: str) -> str:
@@ -20,12 +22,13 @@ def mended(line: str) -> str:
 
 
 def mendings(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """The notes that tell of something mended, each once."""
-    return tuple(dict.fromkeys(note for recording in recordings for note in recording.notes if MENDED in note))
+    """The notes that tell of something mended or lost, each once."""
+    notes = (note for recording in recordings for note in recording.notes)
+    return tuple(dict.fromkeys(note for note in notes if MENDED in note or note.startswith(DAMAGED)))
 
 
 def refuse_mended(recordings: Sequence[Recording]) -> None:
-    """For --strict. Raises InputError for the first thing that was mended."""
+    """For --strict. Raises InputError for the first thing that was mended or lost."""
     for recording in recordings:
         for note in mendings([recording]):
             raise InputError(recording.source, note.replace(MENDED, ""), "nothing to mend (--strict)")

@@ -12,7 +12,9 @@ from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.definitions import Channel, full_name, number_paths, types_of
 from tcs_friction.recording.layout import Layout, MalformedError, layout
 from tcs_friction.recording.signals import SignalSource
+from tcs_friction.recording.table_names import said
 from tcs_friction.recording.targets import target
+from tcs_friction.recording.units import is_unit
 
 LIKELY = {
     "position": ("position", "pos", "angle", "positions"),
@@ -24,7 +26,7 @@ LIKELY = {
 MAX_JOINTS = 200
 """Joints of one message that are proposed; a humanoid has 60."""
 
-STEPS_PATH = 50
+STEPS_PATH = 80
 """Steps (see Allowance) of judging one field of a type."""
 
 WANTED = ("reference", "setpoint", "desired", "target", "command")
@@ -110,7 +112,7 @@ def _of_joints(seen: _Sight) -> tuple[dict[str, Any], dict[str, Any]]:
         found = seen.walked(path, seen.joints)
         filled = [joint for joint, column in zip(seen.joints, found.columns, strict=True) if column] if found else []
         for joint in filled:
-            entry = {"topic": topic, "field": path, "joint": joint}
+            entry = _entry(topic, path, name, joint)
             if joint == seen.joints[0]:
                 block[name] = entry
             elif name == "velocity":
@@ -139,9 +141,9 @@ def _of_numbers(seen: _Sight, block: dict[str, Any], others: dict[str, Any]) -> 
             path += "[0]"  # joints without names: the first element of each array
         if _wanted(channel.topic + path) or channel.msgtype.endswith("/AxisReference"):
             if name == "position":
-                block.setdefault("reference", {"topic": channel.topic, "field": path})
+                block.setdefault("reference", _entry(channel.topic, path, name))
         else:
-            block.setdefault(name, {"topic": channel.topic, "field": path})
+            block.setdefault(name, _entry(channel.topic, path, name))
 
 
 def _of_wrenches(sight: Sequence[_Sight]) -> Iterator[SignalSource]:
@@ -160,13 +162,33 @@ def _is_plan(channel: Channel) -> bool:
 
 
 def _likely_paths(channel: Channel, paths: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Signals and the fields that may hold them, the likeliest first; `data` goes by the topic's name."""
+    """Signals and the fields that may hold them, the likeliest first; `data` goes by the topic's name.
+
+    Behind those that are called as ROS calls them come those whose names say a signal among other words: `az_act_deg`.
+    """
     for name, words in LIKELY.items():
         for word in words:
             for path in paths:
                 last = path.rpartition(".")[2].lower()
                 if last == word or (last == "data" and channel.topic.lower().rpartition("/")[2].endswith(word)):
                     yield name, path
+    for path in paths:
+        told = said(_name_of(channel.topic, path))
+        if told.signal in LIKELY:
+            yield told.signal, path
+
+
+def _name_of(topic: str, path: str) -> str:
+    """What a number is called: by its field or, where that is `data`, by its topic."""
+    last = path.partition("[")[0].rpartition(".")[2]
+    return topic.rpartition("/")[2] if last.lower() == "data" else last
+
+
+def _entry(topic: str, path: str, signal: str, joint: str | None = None) -> dict[str, Any]:
+    """An entry of a `signals:` block, with the unit that a name says."""
+    unit = said(_name_of(topic, path)).unit
+    entry = {"topic": topic, "field": path} | ({"joint": joint} if joint is not None else {})
+    return entry | ({"unit": unit} if unit and is_unit(unit, signal) else {})
 
 
 def _wanted(text: str) -> bool:

@@ -16,6 +16,7 @@ from tcs_friction.errors import printable
 from tcs_friction.recording.allowance import Allowance
 from tcs_friction.recording.columns import counted
 from tcs_friction.recording.definitions import Channel
+from tcs_friction.recording.mending import DAMAGED
 
 if sys.version_info >= (3, 14):
     from compression import zstd as zstd
@@ -86,7 +87,7 @@ class Damage:
             lost.append("an unknown number of messages")
         if self.lost_bytes:
             lost.append(counted(self.lost_bytes, "byte"))
-        return f"damaged: {what}; lost: {' and '.join(lost) or 'nothing'}"
+        return f"{DAMAGED}{what}; lost: {' and '.join(lost) or 'nothing'}"
 
 
 def by_number(numbers: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tcs_friction.errors import InputError, JobError
+from tcs_friction.plain_files import read_plain
 from tcs_friction.recording.allowance import EXPANSION, FREE_BYTES
 from tcs_friction.recording.recording import Column
 from tcs_friction.recording.table import RUN_BY_SPREADSHEETS, Table, checked
@@ -39,12 +40,7 @@ def is_table(path: Path) -> bool:
 
 def read_table(path: Path) -> Table:
     """The columns of a table. Raises InputError for a file that is none, saying what is read instead of a known other kind."""
-    if not path.exists():
-        raise InputError(str(path), "does not exist", READABLE)
-    if not path.is_file():
-        raise InputError(str(path), "is no regular file", READABLE)
-    with path.open("rb") as stream:
-        refuse_foreign(path, stream.read(1024))
+    refuse_foreign(path, read_plain(path, 1024, READABLE))
     readers: dict[str, Callable[[Path], Table]] = {".parquet": read_parquet, ".mat": read_mat, ".npz": read_npz}
     return readers.get(path.suffix.lower(), read_text)(path)
 

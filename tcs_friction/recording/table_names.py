@@ -18,8 +18,8 @@ NAMES = {
 }
 """What a column of a spreadsheet may be called, in any case, with the unit in brackets or behind it."""
 
-CURRENTS = ("thrust", "current", "iq", "voltage")
-"""Words that say a torque where no word of NAMES does: `Motor thrust`, `q-axis current`."""
+CURRENTS = {"thrust": "", "current": "A", "iq": "A", "voltage": "V"}
+"""Words that say a torque where no word of NAMES does: `Motor thrust`, `q-axis current`; and their units where none stands."""
 
 WANTED = (*NAMES["reference"], "ref", "cmd", "command", "commanded", "demand", "demanded", "goal", "des", "setpoint", "set")
 """Words for what somebody asked for."""
@@ -108,7 +108,7 @@ def _of(words: list[str], unit: str) -> Said:
     if signal == "reference" and not found and not _angular(unit):
         return Said(unit=unit)
     rest = tuple(w for p, w in plain if p != place and w not in WANTED)
-    return Said(signal, rest, unit, not rest, word in CURRENTS)
+    return Said(signal, rest, unit or (CURRENTS.get(word, "") if signal == "torque" else ""), not rest, word in CURRENTS)
 
 
 def _angular(unit: str) -> bool:

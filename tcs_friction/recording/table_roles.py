@@ -76,6 +76,17 @@ def roles_of(table: Table, chosen: Mapping[str, str], joint: Joint, where: str, 
     return roles
 
 
+def joint_names(table: Table, chosen: Mapping[str, str], where: str) -> tuple[str, ...]:
+    """The joints that a table's columns name, none where it has one alone. Raises InputError as `roles_of` does."""
+    told = {column: said(column, table.units.get(column, "")) for column in table.columns}
+    roles = Roles()
+    for signal, word in chosen.items():
+        _choose(roles, signal, word, told, where)
+    if table.headless or {"position", "torque"} & set(roles.columns):
+        return ()
+    return tuple(joints_of({column: told[column] for column in roles.free(told)}))
+
+
 def _choose(roles: Roles, signal: str, word: str, told: Mapping[str, Said], where: str) -> None:
     """A column as somebody names it: `NAME`, `NAME:unit`, or its number from 1."""
     if signal not in NAMES:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +31,7 @@ from tcs_friction.recording.table_times import (
 )
 from tcs_friction.recording.units import Named
 from tcs_friction.recording.write import EPOCH
+from tcs_friction.writable import scratch_beside
 
 ROTARY = {"position": "rad", "velocity": "rad/s", "torque": "N m", "reference": "rad"}
 LINEAR = {"position": "m", "velocity": "m/s", "torque": "N", "reference": "m"}
@@ -69,12 +68,9 @@ def export_table(recording: Recording, path: Path, kind: str = "rotary", signals
     if writer is None:
         raise InputError(str(path), f"suffix {path.suffix!r}", ".csv or .parquet")
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    os.close(handle)
-    scratch = Path(name)
+    scratch = scratch_beside(path)
     try:
         writer(columns, scratch)
-        scratch.chmod(0o644)
         scratch.replace(path)
     finally:
         scratch.unlink(missing_ok=True)

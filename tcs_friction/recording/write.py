@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from tcs_friction.errors import InputError
 from tcs_friction.recording.columns import Nanoseconds
@@ -21,8 +19,8 @@ from tcs_friction.recording.encode import TopicData, encoded, joint_states, simp
 from tcs_friction.recording.mcap_write import CHUNK_BYTES, McapWriter
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
-from tcs_friction.writable import writing
-from tcs_friction.yaml_files import parse_yaml
+from tcs_friction.writable import scratch_beside, writing
+from tcs_friction.yaml_files import dump_yaml, parse_yaml
 
 EPOCH = 1_700_000_000_000_000_000
 """ns; when recordings without a date of their own are written to begin, so that equal input gives equal bags."""
@@ -138,7 +136,7 @@ def write_metadata(directory: Path, channels: Sequence[Channel], files: Sequence
         "ros_distro": "jazzy",
     }
     scratch = directory / ".metadata.yaml.part"
-    scratch.write_text(yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False))
+    scratch.write_text(dump_yaml({"rosbag2_bagfile_information": information}))
     scratch.replace(directory / "metadata.yaml")
 
 
@@ -169,10 +167,10 @@ def new_directory(path: Path) -> Iterator[Path]:
         raise InputError(str(path), "exists already", "a new name for the bag")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent))
+        scratch = scratch_beside(path)
+        scratch.mkdir()
         try:
             yield scratch
-            scratch.chmod(0o755)
             os.rename(scratch, path)
         except BaseException:
             shutil.rmtree(scratch, ignore_errors=True)

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,32 +12,14 @@ from tcs_friction.config import save_axis, write_whole
 from tcs_friction.control.model_compensator import effect_names
 from tcs_friction.diagnose.outcome.experiment import reference_text
 from tcs_friction.diagnose.outcome.result import SCHEMA, Diagnosis
-from tcs_friction.errors import writing_into
 from tcs_friction.json_files import Json, load_json
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance
 from tcs_friction.report.diagnosis import write_report
+from tcs_friction.writable import staged
 
 DIAGNOSIS, EXPERIMENT = "diagnosis.json", "next_experiment.yaml"
 DESCRIBED, UNKNOWN = "the diagnosis describes it only", "the diagnosis does not know it"
-
-
-@contextmanager
-def staged(directory: Path) -> Iterator[Path]:
-    """A folder to write into, whose files move into `directory` when all are there; an error leaves nothing behind.
-
-    Raises InputError when `directory` cannot be written to.
-    """
-    part: Path | None = None
-    try:
-        with writing_into(directory):
-            part = Path(tempfile.mkdtemp(prefix=".part-", dir=directory))
-            yield part
-            for path in sorted(part.iterdir(), key=lambda path: path.suffix == ".html"):
-                os.replace(path, directory / path.name)
-    finally:
-        if part is not None:
-            shutil.rmtree(part, ignore_errors=True)
 
 
 def write_diagnosis(directory: Path, found: Diagnosis) -> Path:

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from tcs_friction.config import AxisFile, save_axis, write_whole
-from tcs_friction.errors import writing_into
 from tcs_friction.identify.comparison import Comparison
 from tcs_friction.identify.identification import identified_axis
 from tcs_friction.identify.result import Identification
 from tcs_friction.identify.searches import Searches
 from tcs_friction.recording.recording import Recording
+from tcs_friction.writable import staged
 
 IDENTIFICATION, AXIS = "identification.json", "axis.yaml"
 
@@ -43,17 +43,17 @@ def write_identification(
     comparison: Comparison | None = None,
     searches: Searches | None = None,
 ) -> None:
-    """Write all results into `directory`; the report last, since it names the others, and not where nothing can draw.
+    """Write all results into `directory`, whole or not at all; no report where nothing can draw.
 
     `file` is the axis as it was believed. Raises InputError when `directory` cannot be written to.
     """
     comment = f"Friction identified by tcs-friction ({found.law}, {found.method}, seed {found.seed})."
     text = json.dumps(content_of(found, comparison, searches), indent=2, allow_nan=False) + "\n"
-    with writing_into(directory):
-        write_whole(directory / IDENTIFICATION, text)
-        save_axis(directory / AXIS, identified_file(file, found), comment)
-    try:
-        from tcs_friction.report.identification import write_report
-    except ModuleNotFoundError:
-        return
-    write_report(directory, found, recordings, comparison, searches)
+    with staged(directory) as part:
+        write_whole(part / IDENTIFICATION, text)
+        save_axis(part / AXIS, identified_file(file, found), comment)
+        try:
+            from tcs_friction.report.identification import write_report
+        except ModuleNotFoundError:
+            return
+        write_report(part, found, recordings, comparison, searches)

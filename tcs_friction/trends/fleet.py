@@ -159,6 +159,8 @@ def dry_level(rows: AxisRows, trends: Mapping[str, Trend]) -> float:
 
 
 def _failing(rows: AxisRows) -> list[str]:
+    if rows.unreadable:
+        return [f"its results cannot be read: {rows.unreadable}"]
     last = rows.reasons[-FAILING:]
     if len(last) < FAILING or not all(last):
         return []

@@ -11,49 +11,60 @@ import pyarrow
 from pyarrow import dataset
 
 from tcs_friction.errors import InputError
-from tcs_friction.trends.rows import PROGRAMME, SURROUNDINGS, AxisRows, Effect, rows_of
+from tcs_friction.trends.rows import PROGRAMME, SURROUNDINGS, AxisRows, Effect, rows_of, unreadable
 
 NO_AXIS = "_none"
 TEXTS = ("recording", "input_hash", "version", "status", "reason", "law", "verdict", "effects")
 LISTS = ("parameter_names", "parameter_values", "parameter_stds", "parameter_determined", "parameter_units")
 NEEDED = (*TEXTS, *LISTS, "piece", "start", *SURROUNDINGS, *PROGRAMME)
+MOST = 1e19
+"""Of any number: more than all ns since 1970 that 64 bits hold."""
 _KEYS = pyarrow.schema([("axis", pyarrow.string()), ("month", pyarrow.string())])
 
 
 def read_axes(out: str, filesystem: Any = None) -> Iterator[AxisRows]:
     """The recordings of each axis by name; only one axis is in memory at a time. filesystem: pyarrow's, None: the local one.
 
-    Raises InputError when there are no results, or a column is missing, or an effect cannot be read.
+    An axis of which a file cannot be read has no recordings and says why. Raises InputError when there are no results.
     """
     where = f"{out.rstrip('/')}/rows"
     try:
         hive = dataset.partitioning(_KEYS, flavor="hive")
-        rows = dataset.dataset(
-            where, filesystem=filesystem, format="parquet", partitioning=hive, exclude_invalid_files=True
-        )
+        every = dataset.dataset(where, _KEYS, "parquet", filesystem, hive)
+        files = [part for part in every.get_fragments() if part.path.endswith(".parquet")]
     except (OSError, pyarrow.ArrowInvalid):
-        raise InputError(
-            out, "holds no results of a fleet", "the OUT of ./tcs fleet PATHS... -o OUT"
-        ) from None
-    missing = [name for name in NEEDED if name not in rows.schema.names]
-    if missing:
-        raise InputError(where, f"column {missing[0]} is missing", "rows that ./tcs fleet wrote")
-    names = sorted({str(_axis_of(part)) for part in rows.get_fragments()} - {NO_AXIS, "None"})
-    for name in names:
+        files = []
+    if not files:
+        raise InputError(out, "holds no results of a fleet", "the OUT of ./tcs fleet PATHS... -o OUT")
+    by_axis: dict[str, list[Any]] = {}
+    for part in files:
+        by_axis.setdefault(str(dataset.get_partition_keys(part.partition_expression).get("axis")), []).append(part)
+    for name in sorted(set(by_axis) - {NO_AXIS, "None"}):
         try:
-            table = rows.to_table(columns=list(NEEDED), filter=dataset.field("axis") == name)
-        except (OSError, pyarrow.ArrowException) as error:
-            raise InputError(where, f"cannot be read ({error})", "rows that ./tcs fleet wrote") from None
-        yield rows_of(unquote(name), [_plain(row, where) for row in table.to_pylist()])
+            content = [row for part in by_axis[name] for row in _rows_in(part)]
+            yield rows_of(unquote(name), content)
+        except InputError as error:
+            yield unreadable(unquote(name), str(error))
 
 
-def _axis_of(fragment: Any) -> Any:
-    return dataset.get_partition_keys(fragment.partition_expression).get("axis")
+def _rows_in(part: Any) -> list[dict[str, Any]]:
+    """Raises InputError naming the file that cannot be read, or lacks a column."""
+    try:
+        if missing := [name for name in NEEDED if name not in part.physical_schema.names]:
+            raise InputError(part.path, f"column {missing[0]} is missing", "rows that ./tcs fleet wrote")
+        return [_plain(row, part.path) for row in part.to_table(columns=list(NEEDED)).to_pylist()]
+    except (OSError, pyarrow.ArrowException) as error:
+        raise InputError(part.path, f"cannot be read ({error})", "rows that ./tcs fleet wrote") from None
 
 
 def _plain(row: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """A row with NaN for numbers that are not there, and effects as records."""
+    """A row with NaN for numbers that are not there, and effects as records. Raises InputError for values of another kind."""
     content = dict(row)
+    for name in row:
+        if not _fits(name, row[name]):
+            raise InputError(where, f"{name} is {str(row[name])[:40]!r}", "rows that ./tcs fleet wrote")
+    if len({len(row[name] or []) for name in LISTS}) > 1:
+        raise InputError(where, f"parameters of {row['recording']} of different number", "one value, std and unit of each")
     for name in (*SURROUNDINGS, *PROGRAMME):
         content[name] = float("nan") if row[name] is None else row[name]
     for name in LISTS:
@@ -65,6 +76,16 @@ def _plain(row: Mapping[str, Any], where: str) -> dict[str, Any]:
         found = f"effects of {row['recording']} cannot be read ({error!r})"
         raise InputError(where, found, "JSON as in diagnosis.json") from None
     return content
+
+
+def _fits(name: str, value: Any) -> bool:
+    """Whether a value is of the kind that its column has."""
+    if value is None:
+        return True
+    if name in LISTS:
+        inner = {"parameter_names": str, "parameter_units": str}.get(name, int | float)
+        return isinstance(value, list) and all(one is None or isinstance(one, inner) for one in value)
+    return isinstance(value, str) if name in TEXTS else isinstance(value, int | float) and not abs(value) >= MOST
 
 
 def _effect(entry: Mapping[str, Any]) -> Effect:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class AxisRows:
 
     day: (n,) days since 1970, UTC. done: which were identified. diagnosed: which have a verdict. reasons: of those that failed,
     "" otherwise. columns: name -> (n,), everything in SURROUNDINGS and PROGRAMME, NaN where not known. effects: of each.
-    left_out: recordings that are not here, and why, one line each.
+    left_out: recordings that are not here, and why, one line each. unreadable: why there are none at all, "" where there are.
     """
 
     axis: str
@@ -64,6 +64,7 @@ class AxisRows:
     effects: tuple[tuple[Effect, ...], ...]
     columns: Mapping[str, Array]
     left_out: tuple[str, ...] = field(default=())
+    unreadable: str = ""
 
     def __len__(self) -> int:
         return len(self.day)
@@ -87,6 +88,11 @@ def rows_of(axis: str, content: Sequence[Mapping[str, Any]]) -> AxisRows:
     if len(same) < len(timed):
         left_out.append(f"recordings identified with another law than {law}, left out: {len(timed) - len(same)}")
     return _columns(axis, law, same, tuple(left_out))
+
+
+def unreadable(axis: str, why: str) -> AxisRows:
+    """An axis of whose recordings nothing is known, and why."""
+    return replace(rows_of(axis, ()), unreadable=why)
 
 
 def _key(row: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -146,8 +146,8 @@ def test_a_linear_axis_is_told_in_micrometres(tmp_path: Path, reference: Path, c
         (["--draws", "18"], "--draws: 18, expected a whole number from 19"),
         (["--seed", "-1"], "--seed: -1, expected a whole number from 0"),
         (["--settle", "20"], "settle: 20 s, expected less than the run's 5 s"),
-        (["--diagnosis", "nowhere.json"], "nowhere.json: cannot be read (No such file"),
-        (["--diagnosis", "/dev/zero"], "/dev/zero: is too large"),
+        (["--diagnosis", "nowhere.json"], "nowhere.json: no such file"),
+        (["--diagnosis", "/dev/zero"], "/dev/zero: is no regular file"),
         (["--diagnosis", "broken.json"], "broken.json: is no JSON"),
         (["--diagnosis", "other.json"], "other.json: has no schema, expected the diagnosis.json of ./tcs diagnose"),
         (["--diagnosis", "nothing.json"], "nothing.json: names no effect of azimuth"),
@@ -157,7 +157,7 @@ def test_a_linear_axis_is_told_in_micrometres(tmp_path: Path, reference: Path, c
         (["--identification", "nothing.json"], "nothing.json: has the schema 'tcs_friction/diagnosis/1', expected"),
         (["--recorded-with", "law"], "--recorded-with: given without a recording, expected --recording BAG beside it"),
         (["--recording", "nowhere"], "axis.yaml: no signals block"),
-        (["--recording", "nowhere.csv"], "nowhere.csv: does not exist"),
+        (["--recording", "nowhere.csv"], "nowhere.csv: no such file"),
     ],
 )
 def test_bad_input_is_one_line(

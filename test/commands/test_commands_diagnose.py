@@ -26,7 +26,8 @@ from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import SignalMap
 from tcs_friction.recording.write import write_recording
 from tcs_friction.report import diagnosis_files
-from tcs_friction.report.diagnosis_files import staged, write_diagnosis
+from tcs_friction.report.diagnosis_files import write_diagnosis
+from tcs_friction.writable import staged
 
 SIGNALS = SignalMap.from_mapping(
     {

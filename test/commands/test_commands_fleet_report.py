@@ -120,3 +120,24 @@ def test_a_damaged_row_is_one_line(tmp_path: Path) -> None:
     rows.stored(tmp_path / "none", {"_none": content})
     with pytest.raises(InputError, match="holds no recordings of any axis"):
         run(str(tmp_path / "none"))
+
+
+@pytest.mark.parametrize("damage", ["cut", "scrambled", "no parquet", "a column"])
+def test_an_axis_that_cannot_be_read_is_reported_and_others_go_on(
+    damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = rows.as_content(rows.year(1)[0], ["coulomb"])
+    lacking = [{k: v for k, v in row.items() if k != "law" or damage != "a column"} for row in content[:3]]
+    rows.stored(tmp_path, {"bad": lacking, "good": content, "other": content})
+    file = tmp_path / "rows" / "axis=bad" / "month=2025-01" / "part.parquet"
+    whole = file.read_bytes()
+    scrambled = whole[:4] + bytes(byte ^ 0x5A for byte in whole[4:3000]) + whole[3000:]
+    file.write_bytes({"cut": whole[:-100], "scrambled": scrambled, "no parquet": b"x" * 999, "a column": whole}[damage])
+    assert run(str(tmp_path), "--json") == 1
+    printed = json.loads(capsys.readouterr().out)
+    counts = {axis["axis"]: axis["recordings"] for axis in printed["axes"]}
+    assert counts == {"bad": 0, "good": len(content), "other": len(content)}
+    (reason,) = printed["axes"][0]["reasons"]
+    assert reason.startswith(f"its results cannot be read: {file}: ")
+    assert printed["needs_person"] == ["bad"]
+    assert "cannot be read" in (tmp_path / "report" / "axis_bad.html").read_text()

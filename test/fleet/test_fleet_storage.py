@@ -129,3 +129,23 @@ def test_results_may_lie_there_too(bucket: str, tmp_path: Path) -> None:
     assert again.kept() == []
 
 
+@pytest.mark.parametrize("damage", ["cut", "scrambled", "no parquet"])
+def test_a_file_of_rows_that_cannot_be_read_is_set_aside_and_its_recordings_are_open(damage: str, tmp_path: Path) -> None:
+    (axis,) = read_axes(write_axes(tmp_path, ["a"]))
+    store = Store(str(tmp_path / "out"))
+    for number in range(2):
+        write_bag(tmp_path / f"bags/bag{number}", "a", number, seconds=20.0)
+    for one in find([str(tmp_path / "bags")]):
+        store.write(work(Task(one, axis, one.hash(), "v", diagnosed=False)).row)
+    bad, _ = sorted((tmp_path / "out" / "rows").rglob("*.parquet"))
+    whole = bad.read_bytes()
+    scrambled = whole[:4] + bytes(byte ^ 0x5A for byte in whole[4 : len(whole) // 2]) + whole[len(whole) // 2 :]
+    bad.write_bytes({"cut": whole[:-100], "scrambled": scrambled, "no parquet": b"x" * 999}[damage])
+    again = Store(str(tmp_path / "out"))
+    kept = again.kept()
+    again.settle(())
+    assert len(kept) == 1 or damage == "scrambled"  # its keys may be whole
+    assert [note.split(": ")[0] for note in again.notes] == [str(bad)]
+    assert not bad.exists()
+    assert bad.with_name(f"{bad.name}.unreadable").is_file()
+    assert len(again.kept()) == 1

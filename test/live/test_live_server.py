@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -15,7 +16,7 @@ from page_server import Served, next_message
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tcs_friction.errors import InputError
-from tcs_friction.live import stream
+from tcs_friction.live import serving, stream
 from tcs_friction.live.access import Access
 from tcs_friction.live.hub import ROTARY, Hub
 from tcs_friction.live.serving import bound, served, url
@@ -282,6 +283,31 @@ def test_no_more_pages_than_can_be_served(serve: Callable[..., Any], monkeypatch
             second.recv(timeout=10)
     with server.socket() as third:  # the first has gone
         assert next_message(third, "hello", 10.0)
+
+
+FORM = b"POST /login HTTP/1.1\r\nhost: localhost\r\norigin: http://localhost\r\ncontent-length: 9\r\n\r\nto"
+
+
+@pytest.mark.parametrize("half", [b"", b"GET / HTTP/1.1\r\nhost: ", FORM], ids=["nothing", "headers", "form"])
+def test_half_sent_requests_keep_nobody_out(serve: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, half: bytes) -> None:
+    monkeypatch.setattr(serving, "REQUEST_WITHIN", 0.5)
+    server = serve()
+    with server.socket() as page, ExitStack() as stack:
+        for _ in range(serving.MOST_CONNECTIONS):
+            stack.enter_context(socket.create_connection(("127.0.0.1", server.port))).sendall(half)
+        deadline = time.monotonic() + 20.0
+        while server.ask("/")[0] != 200 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert server.ask("/")[0] == 200
+        next_message(page, "frame")  # a page that is open stays so
+
+
+def test_a_request_that_comes_in_two_parts_is_answered(serve: Callable[..., Any]) -> None:
+    with socket.create_connection(("127.0.0.1", serve().port), timeout=10.0) as connection:
+        connection.sendall(b"GET / HTTP/1.1\r\n")
+        time.sleep(0.1)
+        connection.sendall(b"host: localhost\r\n\r\n")
+        assert connection.recv(100).startswith(b"HTTP/1.1 200")
 
 
 def test_an_address_that_is_taken_is_refused_in_one_line() -> None:

@@ -28,6 +28,20 @@ from tcs_friction.physics.terms import Feature, Place, instance
 
 FOREIGN = replace(torque_bias.TERM, id="magnet")
 NOT_A_TERM = "just text"
+
+
+class Raising:
+    """What stands where a plug-in has its term, and raises when it is looked at."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+
+    @property
+    def term(self) -> None:
+        raise self.error
+
+
+RAISES, ENDS = Raising(ZeroDivisionError("two\nlines")), Raising(SystemExit(3))
 VOCABULARY = {
     "stribeck",
     "presliding",
@@ -100,19 +114,45 @@ def test_law_group_is_separate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "magnet" not in laws()
 
 
-def test_taken_name_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_taken_name_is_left_out_and_said(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     monkeypatch.setattr(f"{__name__}.FOREIGN", torque_bias.TERM)
     offer(monkeypatch, "tcs_friction.effects", "magnet", "FOREIGN")
-    with pytest.raises(InputError, match="the name 'torque_bias' is taken"):
-        effects()
+    assert set(effects()) == VOCABULARY
+    (line,) = caplog.messages
+    assert line.startswith("tcs-friction: entry point magnet of tcs_friction.effects: the name 'torque_bias' is taken, ")
+    assert line.endswith(", left out")
 
 
-def test_entry_point_that_is_no_term_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    offer(monkeypatch, "tcs_friction.laws", "wrong", "NOT_A_TERM")
-    with pytest.raises(
-        InputError, match=r"entry point wrong of tcs_friction.laws: .* is a str, expected a Term"
-    ):
-        laws()
+@pytest.mark.parametrize(
+    ("attribute", "why"),
+    [
+        ("NOT_A_TERM", "is a str, expected a Term"),
+        ("nowhere", "cannot be loaded (AttributeError: "),
+        ("RAISES.term", "cannot be loaded (ZeroDivisionError: two lines)"),
+        ("ENDS.term", "cannot be loaded (SystemExit: 3)"),
+    ],
+)
+def test_entry_point_that_is_no_term_ends_only_what_needs_it(
+    attribute: str, why: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    offer(monkeypatch, "tcs_friction.laws", "wrong", attribute)
+    assert "lugre" in laws()
+    (line,) = caplog.messages
+    assert line.startswith("tcs-friction: entry point wrong of tcs_friction.laws: ")
+    assert line.endswith(", left out")
+    assert why in line
+    with pytest.raises(InputError, match=r"file: friction law: 'wrong' is left out, expected entry point wrong of"):
+        law("wrong", "file")
+    assert law("lugre").id == "lugre"
+
+
+def test_what_a_plug_in_raises_later_is_put_down_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    offer(monkeypatch, "tcs_friction.effects", "magnet", "FOREIGN")
+    with pytest.raises(ZeroDivisionError) as caught:
+        RAISES.term  # noqa: B018
+    assert registry.raised_by_plug_in(caught.value) == "entry point magnet of tcs_friction.effects"
+    monkeypatch.setattr(registry, "entry_points", lambda **_: EntryPoints([EntryPoint("x", "elsewhere:TERM", "g")]))
+    assert registry.raised_by_plug_in(caught.value) is None
 
 
 def test_what_the_package_asks_for_is_found_by_its_declaration() -> None:

@@ -99,7 +99,7 @@ def test_samples_that_are_not_finite_are_cut_out_as_gaps() -> None:
     recording = align({"/state": state({POSITION: T, BESIDE: torque})}, SignalMap(POSITION, BESIDE), "bag")
     assert len(recording) == 997
     assert recording.segments == (slice(0, 500), slice(500, 997))
-    assert "torque: 3 of 1000 samples missing or not finite, cut as gaps" in recording.notes
+    assert "mended: torque: 3 of 1000 samples missing or not finite, cut as gaps" in recording.notes
 
 
 def test_a_velocity_of_nothing_but_nan_is_no_velocity() -> None:
@@ -115,7 +115,7 @@ def test_an_optional_signal_that_is_mostly_missing_does_not_cost_the_recording()
     recording = align(columns, SignalMap(POSITION, BESIDE, exogenous={"wind": WIND}), "bag")
     assert len(recording) == 1000
     assert "wind" not in recording.exogenous
-    assert any(note.startswith("wind: 690 of 1000 samples missing") for note in recording.notes)
+    assert any(note.startswith("mended: wind: 690 of 1000 samples missing") for note in recording.notes)
     columns["/wind"] = topic(WIND, T[:700], T[:700])
     recording = align(columns, SignalMap(POSITION, BESIDE, exogenous={"wind": WIND}), "bag")
     assert len(recording) == len(recording.exogenous["wind"]) == 710

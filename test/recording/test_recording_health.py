@@ -14,8 +14,12 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from tcs_friction.cli import main
+from tcs_friction.errors import InputError
+from tcs_friction.recording.bags import joints_in, read_recordings
+from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.health import health
 from tcs_friction.recording.info import bag_info
+from tcs_friction.recording.signals import SignalMap, SignalSource
 
 TYPES = ROS2.types
 T = np.arange(2000) * 0.004
@@ -88,10 +92,10 @@ def said(path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
 def test_a_good_bag_is_called_good_in_ten_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = said(bag(tmp_path / "bag", states=joint_state(["axle"], MOTION, SPEED, TORQUE)), capsys)
     looked_at = text[text.index("# signals of the axis") : text.index("# proposal")].strip().splitlines()
-    assert len(looked_at) == 5
+    assert len(looked_at) == 6
     assert looked_at[1] == "  position  250 Hz; -0.4 to 0.4 rad or m, as ROS has it (REP 103)"
     assert looked_at[3].endswith("the derivative of the position (1.000 times)")
-    assert looked_at[4] == "  read as a recording: 2000 samples, 7.996 s"
+    assert looked_at[5] == "  read as a recording: 2000 samples, 7.996 s"
 
 
 def test_what_is_odd_is_said_and_is_in_the_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -221,3 +225,86 @@ def test_a_joint_that_is_no_text_is_refused(words: list[str], tmp_path: Path, ca
 def test_a_signal_that_is_not_there_is_refused_in_the_health(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = bag(tmp_path / "bag", states=joint_state(["axle"], MOTION, SPEED, TORQUE))
     assert "no topic /drive, expected one of /states" in said(path, capsys, "--signal", "torque=/drive:data")
+
+
+def number(kind: str, field: str, values: np.ndarray) -> Any:
+    def make(k: int) -> Any:
+        return TYPES[kind](**{field: values[k]})
+
+    return kind, make
+
+
+def test_units_in_names_of_topics_are_believed_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Bare numbers, whose topics say what they are: degrees and amperes."""
+    plain = "std_msgs/msg/Float64"
+    angle, current = number(plain, "data", np.degrees(MOTION)), number(plain, "data", 0.5 * TORQUE)
+    path = bag(tmp_path / "bag", az_act_deg=angle, motor_current_mA=current)
+    found = bag_info(path)
+    assert found.signals["position"] == {"topic": "/az_act_deg", "field": "data", "unit": "deg"}
+    assert found.signals["torque"] == {"topic": "/motor_current_mA", "field": "data", "unit": "mA"}
+    text = said(path, capsys)
+    assert f"{MOTION.min():.4g} to {MOTION.max():.4g} rad or m, recorded in deg, as its name says" in text
+    assert " A, recorded in mA, as its name says" in text
+    (one,) = read_recordings([path], SignalMap.from_mapping(found.signals, "bag"))
+    assert one.torque_unit == "A"
+    assert np.allclose(one.torque[:500], 0.5e-3 * TORQUE[:500])
+
+
+@pytest.mark.parametrize("late", [0.0, 0.024, -0.016])
+def test_an_offset_between_torque_and_motion_is_told(late: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An axis with an inertia and viscous friction; the torque is logged on a topic of its own that is early or late.
+
+    A momentary torque is one that is held from half a sample before its stamp on.
+    """
+    speed, motion = np.cos(3.0 * T) + SPEED, np.sin(3.0 * T) / 3.0 + MOTION
+    logged = np.interp(T - late, T, 20.0 * speed + 60.0 * np.gradient(speed, T))  # says at t what acted `late` before
+    path = bag(tmp_path / "bag", states=joint_state(["axle"], motion, speed, None), drive=wrench(logged))
+    found = json.loads(said(path, capsys, "--json", "--signal", "torque=/drive:wrench.force.z"))["health"]
+    assert found["acts"] == pytest.approx(-late - 0.002, abs=0.0021)
+    line = next(line for line in said(path, capsys).splitlines() if "torque and motion" in line)
+    assert ("clocks, filters or a delay" in line) == (late != 0.0)
+
+
+def test_a_motion_that_does_not_tell_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    random = np.random.default_rng(3).standard_normal(len(T))
+    path = bag(tmp_path / "bag", states=joint_state(["axle"], MOTION, SPEED, random))
+    assert "the motion does not tell when the torque acts" in said(path, capsys)
+    assert json.loads(said(path, capsys, "--json"))["health"]["acts"] is None
+
+
+def test_elements_of_arrays_without_names_are_joints_by_number(tmp_path: Path) -> None:
+    path = bag(tmp_path / "bag", states=joint_state(["a", "b", "c"], MOTION, SPEED, TORQUE))
+    unnamed = SignalMap(SignalSource("/states", "position[0]"), SignalSource("/states", "effort[0]"))
+    named = SignalMap(SignalSource("/states", "position", "a"), SignalSource("/states", "effort", "a"))
+    assert joints_in(path, unnamed) == ("0", "1", "2")
+    assert joints_in(path, named) == ("a", "b", "c")
+    for signals in (unnamed, named):
+        (one,) = read_recordings([path], signals, Choice(joint="2"))
+        assert np.array_equal(one.position, -MOTION)
+        assert np.array_equal(one.torque, -TORQUE)
+        with pytest.raises(InputError, match="--joint: no joint '3', expected 0 to 2"):
+            read_recordings([path], signals, Choice(joint="3"))
+    with pytest.raises(InputError, match="--joint: no joint 'b', expected one of 0, 1, 2"):
+        read_recordings([path], unnamed, Choice(joint="b"))
+    alone = SignalMap(SignalSource("/states", "header.stamp.sec"), unnamed.torque)
+    with pytest.raises(InputError, match="names no joints"):
+        joints_in(path, alone)
+
+
+def test_strict_refuses_messages_that_are_lost_and_samples_that_are_cut(tmp_path: Path) -> None:
+    signals = SignalMap(SignalSource("/states", "position", "axle"), SignalSource("/states", "effort", "axle"))
+    holed = TORQUE.copy()
+    holed[500:510] = np.nan
+    good = bag(tmp_path / "good", states=joint_state(["axle"], MOTION, SPEED, TORQUE))
+    cut = bag(tmp_path / "cut", states=joint_state(["axle"], MOTION, SPEED, holed))
+    read_recordings([good], signals, Choice(strict=True))
+    with pytest.raises(InputError, match="torque: 10 of 2000 samples missing or not finite, cut as gaps, expected"):
+        read_recordings([cut], signals, Choice(strict=True))
+    file = good / "good.mcap"
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+    (one,) = read_recordings([good], signals)
+    assert any(note.startswith("damaged: ") for note in one.notes)
+    with pytest.raises(InputError, match=r"damaged: .*expected nothing to mend \(--strict\)"):
+        read_recordings([good], signals, Choice(strict=True))
+

@@ -107,7 +107,7 @@ def test_metadata_cannot_lead_astray(name: str, tmp_path: Path) -> None:
 
 
 def test_pipes_in_a_bag_are_passed_over(tmp_path: Path) -> None:
-    assert "metadata.yaml is broken (no regular file" in told(hostile.fifo_in_directory(tmp_path / "bag", 0))[1]
+    assert "metadata.yaml is broken (is no regular file" in told(hostile.fifo_in_directory(tmp_path / "bag", 0))[1]
 
 
 def test_a_count_beyond_what_the_file_can_hold_is_no_loss(tmp_path: Path) -> None:

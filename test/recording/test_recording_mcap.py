@@ -80,7 +80,7 @@ def test_files_one_behind_the_other_are_all_read(kind: str, tmp_path: Path) -> N
     path.write_bytes(b"".join(file.read_bytes() for file in files))
     found = read(path)
     is_whole(found, messages)
-    assert found.notes[0] == "cat.mcap: 3 mcap files one behind the other, all read"
+    assert found.notes[0] == "mended: cat.mcap: 3 mcap files one behind the other, all read"
     with pytest.raises(NoIndexError):
         IndexedBag(str(path), [(str(path), io.BytesIO(path.read_bytes()), path.stat().st_size)])
 
@@ -103,7 +103,7 @@ def test_a_second_file_that_is_cut_costs_what_comes_after_the_cut(tmp_path: Path
     path.write_bytes(files[0].read_bytes() + second[: len(second) // 2])
     found = read(path)
     assert 300 < len(found) < 600
-    assert "cat.mcap: 2 mcap files one behind the other, all read" in found.notes
+    assert "mended: cat.mcap: 2 mcap files one behind the other, all read" in found.notes
     assert any("the end of the file is missing" in note for note in found.notes)
     assert {channel.topic for channel in _channels(path)} == {"/joint_states"}
 
