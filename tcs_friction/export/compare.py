@@ -67,13 +67,18 @@ def compared(data: DataSet, way: str, signal: str, unit: str, pairs: Sequence[Pa
         name: _over(np.concatenate([getattr(stretch, field)[rows] for stretch, rows, _, _ in pairs]), residual)
         for name, field in coordinates.items()
     }
-    stride = max(round(0.5 / (data.cutoff * data.period)), 1)
+    stride = max(round(0.5 / (data.cutoff * _step(data))), 1)
     correlations = (
         [_beyond(m - s, m - s, stride) for _, _, m, s in pairs],
         [_beyond(m - s, stretch.torque[rows], stride) for stretch, rows, m, s in pairs],
     )
     white, driven = (float(np.mean(values)) for values in correlations)
     return Compared(way, signal, unit, fit, float(np.sqrt(np.mean(residual**2))), over, white, driven)
+
+
+def _step(data: DataSet) -> float:
+    """Of the samples of a stretch, s."""
+    return data.dt / data.stride
 
 
 def _over(coordinate: np.ndarray, residual: np.ndarray) -> tuple[float, float, list[float]]:
@@ -128,8 +133,8 @@ def against_model(real: Sequence[Recording], file: AxisFile, model: Path, joint:
 
     data, joint = prepare(real, held_out=False), joint or file.axis.name
     plain = replace(file.axis, effects=(), drive=Drive(), sensors=Sensors())
-    simulator = MujocoSimulator(plain, model, joint, data.period)
-    moved = [pair for stretch in data.stretches for pair in _free(simulator, stretch, horizon, data.period)]
+    simulator = MujocoSimulator(plain, model, joint, _step(data))
+    moved = [pair for stretch in data.stretches for pair in _free(simulator, stretch, horizon, _step(data))]
     unit, way = file.axis.unit, f"by the recorded torque, {horizon:g} s each"
     found = [compared(data, way, name, unit(one), [(stretch, rows, *pair[k]) for stretch, rows, pair in moved])
              for k, (name, one) in enumerate((("position", "rad"), ("velocity", "rad/s")))]  # fmt: skip
@@ -154,9 +159,9 @@ def _free(simulator: MujocoSimulator, stretch: Stretch, horizon: float, period: 
         rows = np.arange(start, start + size)
         first = float(stretch.position[start])
         simulator.begin(float(stretch.position[start - lead]), float(stretch.velocity[start - lead]))
-        for row in range(start - lead, start):
-            simulator.hold(float(stretch.position[row]), float(stretch.velocity[row]))
-            simulator.step(float(stretch.torque[row]))
+        for before in range(start - lead, start):
+            simulator.hold(float(stretch.position[before]), float(stretch.velocity[before]))
+            simulator.step(float(stretch.torque[before]))
         simulator.hold(first, float(stretch.velocity[start]))
         position, velocity = np.empty(size), np.empty(size)
         for k, row in enumerate(rows.tolist()):
@@ -175,7 +180,7 @@ def against_fmu(real: Sequence[Recording], file: AxisFile, fmu: Path) -> list[Co
     causality = {one.name: one.causality for one in description.modelVariables}
     data, unit = prepare(real, held_out=False), file.axis.unit
     if causality.get("torque") == "input" and causality.get("position") == "output":
-        runs = [_run(package, fmu, s, ("torque",), ("position", "velocity"), data.period) for s in data.stretches]
+        runs = [_run(package, fmu, s, ("torque",), ("position", "velocity"), _step(data)) for s in data.stretches]
         way = "by the recorded torque, from the start"
         return [
             compared(data, way, name, unit(one), [(s, np.arange(len(s.t)), getattr(s, name), run[:, k])
@@ -184,7 +189,7 @@ def against_fmu(real: Sequence[Recording], file: AxisFile, fmu: Path) -> list[Co
         ]  # fmt: skip
     if causality.get("friction") == "output" and causality.get("position") == "input":
         inputs = ("position", "velocity", "acceleration", "torque")
-        runs = [_run(package, fmu, s, inputs, ("friction",), data.period)[:, 0] for s in data.stretches]
+        runs = [_run(package, fmu, s, inputs, ("friction",), _step(data))[:, 0] for s in data.stretches]
         pairs = [(s, np.arange(len(s.t)), s.torque, file.axis.inertia * s.acceleration + run)
                  for s, run in zip(data.stretches, runs, strict=True)]  # fmt: skip
         return [compared(data, "along the recorded motion", "torque", unit("N m"), pairs)]

@@ -275,6 +275,8 @@ class _Writer:
             case ast.Attribute(value=ast.Name(id="math"), attr="pi"):
                 return number(math.pi), REAL
             case ast.Subscript(value=ast.Name(id=word), slice=index):
+                if self.arguments.get(word) != ARRAY:
+                    raise self.refused(node, f"the name {word}")
                 return f"{self.name(word)}[{self.expression(index)[0]}]", REAL
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 text, kind = self.expression(operand)

@@ -67,7 +67,7 @@ def short(motion: Any) -> float:
     ("function", "words"),
     [
         (looping, "While in line 2"),
-        (naming, "the name SOMETHING|Subscript"),
+        (naming, "the name SOMETHING in line 2"),
         (calling, r"math\.gamma\(\) in line 2"),
         (dividing, "Mod in line 2"),
         (iterating, "a loop over anything but a range or a tuple in line 2"),

@@ -19,6 +19,7 @@ PAPER = "report/paper/"  # its measurements and its plant, described as they are
 ALLOWED = {
     ("report/diagnosis_plots.py", "learned_map"): "the name of a picture's file",
     ("control/loop.py", "stribeck"): "a kind of compensation",
+    ("export/mjcf.py", "cogging"): "an attribute of MuJoCo's dcmotor",
     ("identify/first_axis.py", "imbalance"): "the gravity that a first axis file is given",
     ("identify/first_axis.py", "cable_wrap"): "the straight line over the position that it is given, where gravity is not told",
 }
