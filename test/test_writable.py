@@ -128,7 +128,7 @@ def test_every_command_looks_at_its_output_before_the_work() -> None:
     for name in cli.COMMANDS:
         module = importlib.import_module(f"tcs_friction.commands.{name}")
         for action in outputs(parser_of(name, module)):
-            assert action.type in (*CHECKED, writable.output_place), name
+            assert action.type in (*CHECKED, writable.output_path, writable.output_place), name
             assert action.default is None or isinstance(action.default, str), "argparse converts defaults that are text"
             found[name] = action
     assert {"demo", "simulate", "identify", "diagnose", "calibrate", "response", "paper", "bag"} <= set(found)

@@ -121,7 +121,7 @@ def test_the_fleet_reads_as_everybody_does(tmp_path: Path) -> None:
     (tmp_path / "axes.yaml").write_text("[{axis: az.yaml, columns: {torque: force_x}}]")
     (axis,) = axes.read_axes(tmp_path / "axes.yaml")
     assert np.allclose(axis.table(tmp_path / "b.csv").torque, motion().torque)
-    told = axis.told(Choice({"torque": "7", "position": "position:rad"}, "dome", True))
+    told = axis.told(Choice({"torque": "7", "position": "position:rad"}, "", True), axis.signals.of_joint("dome"))
     assert dict(told.columns) == {"torque": "7", "position": "position:rad"}
     assert told.signals.torque.joint == "dome"
     assert told.strict
