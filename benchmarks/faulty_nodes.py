@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.faulty_companions import LISTENERS, Surroundings
-from tcs_friction.nodes.graph import LOOP, ending, node_names
+from tcs_friction.nodes.graph import LOOP, ending, module_of, node_names
 
 PERIOD = 0.01
 """s; five Python processes hold 100 Hz on any machine."""
@@ -69,7 +69,7 @@ class Loop:
 
     def __init__(self, seed: int) -> None:
         self._context = multiprocessing.get_context("forkserver")
-        modules = [f"tcs_friction.nodes.{name}" for name in node_names()]
+        modules = [module_of(name) for name in node_names()]
         self._context.set_forkserver_preload(["benchmarks.faulty_nodes", *modules])
         self._processes: dict[str, BaseProcess] = {}
         self._seed = seed
@@ -148,7 +148,7 @@ def run_node(name: str, seed: int, words: Path, given: Sequence[str]) -> None:
     arguments = ros_arguments() if name in LISTENERS else list(QUIET)
     for entry in given:
         arguments += ["-p", entry]
-    sys.exit(importlib.import_module(f"tcs_friction.nodes.{name}").main(arguments))
+    sys.exit(importlib.import_module(module_of(name)).main(arguments))
 
 
 def _step_clock(plant: Any, seconds: float) -> None:

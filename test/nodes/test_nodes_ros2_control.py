@@ -251,7 +251,7 @@ def test_a_rivals_torque_ends_with_it_and_at_once_where_the_axis_is_too_fast(pro
         rests = robot.states[-1][1]
         assert wait_until(lambda: len(robot.states) > 100 and abs(robot.states[-1][2]) < 1e-3, 10.0)
         assert abs(robot.states[-1][1] - rests) < 1e-3
-        assert "their 130 N m was replaced by zero" in processes.log("ros2_control_driver")
+        assert "somebody else commands /effort_controller/commands" in processes.log("ros2_control_driver")
     finally:
         ears.close()
         robot.close()
