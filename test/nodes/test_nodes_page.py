@@ -114,7 +114,7 @@ def test_orders_are_carried_out_and_their_ends_told(together: Callable[..., Any]
     assert graph.until(lambda: len(sink.samples["joint_states"]) > 100)
     sink.orders.append("measure")
     assert graph.until(lambda: bool(sink.jobs) and sink.jobs[-1].success is not None)
-    assert sink.jobs[-1] == Job("measure", "mode MEASURE is set", 1.0, True)
+    assert sink.jobs[-1] == Job("measure", "mode MEASURE: Switch1 on, Switch2 on, Switch3 off", 1.0, True)
     assert graph.until(lambda: bool(sink.switches) and sink.switches[-1].mode == "measure")
     sink.orders.append("identify")  # far too little has been heard
     assert graph.until(lambda: sink.jobs[-1].name == "identify" and sink.jobs[-1].success is not None)
