@@ -22,7 +22,6 @@ class Element:
 
     tag: str
     attributes: Mapping[str, str]
-    parent: Element | None
     start: int
     open_end: int = 0
     close: int = 0
@@ -63,7 +62,7 @@ class Document:
         data = self._data
 
         def start(tag: str, attributes: dict[str, str]) -> None:
-            element = Element(tag, attributes, stack[-1] if stack else None, parser.CurrentByteIndex)
+            element = Element(tag, attributes, parser.CurrentByteIndex)
             element.open_end = _tag_end(data, element.start)
             (stack[-1].children if stack else roots).append(element)
             stack.append(element)
@@ -99,13 +98,6 @@ class Document:
                 tag = f"{inner.rstrip()} {name}={quoteattr(value)}{end}"
         self._edit(element.start, element.open_end, tag)
 
-    def unset(self, element: Element, *names: str) -> None:
-        """Takes attributes away."""
-        tag = self._data[element.start : element.open_end].decode()
-        for name in names:
-            tag = re.sub(rf"\s{re.escape(name)}\s*=\s*(\"[^\"]*\"|'[^']*')", "", tag)
-        self._edit(element.start, element.open_end, tag)
-
     def write(self, element: Element, text: str) -> None:
         """The text inside an element that has no children."""
         if self._data[: element.open_end].endswith(b"/>"):
@@ -120,8 +112,7 @@ class Document:
 
     def add(self, element: Element, *lines: str) -> None:
         """Further children, as the last ones."""
-        before = self._data[: element.start].rpartition(b"\n")[2]
-        indent = before.decode() if not before.strip() else ""
+        indent = self._indent(element)
         inner = self._indent(element.children[-1]) if element.children else f"{indent}  "
         added = "".join(f"\n{inner}{line}" for line in lines)
         if self._data[: element.open_end].endswith(b"/>"):
