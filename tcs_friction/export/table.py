@@ -13,7 +13,7 @@ All are multiplied by the share. Friction has the rest band. What jumps at a rev
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,10 +67,9 @@ def knots(x: np.ndarray, y: np.ndarray, most: int = LOOKS, close: float = CLOSE)
     """Places of the points that lines between them need to be `close`, the worst first, at most `most`; a gap in the middle."""
     middle = len(x) // 2
     taken = [0, middle - 1, middle, len(x) - 1]
-    floor = 1e-3 * np.abs(y).max()
     while len(taken) < most:
         taken.sort()
-        off = np.abs(np.interp(x, x[taken], y[taken]) - y) / np.maximum(np.abs(y), floor)
+        off = _off(x, y, taken)
         worst = int(np.argmax(off))
         if off[worst] <= close:
             break
@@ -87,7 +86,7 @@ def friction(request: Request) -> tuple[str, list[str]]:
     rows = [f"speed ({unit}),temperature (degC),torque ({torque})"]
     for temperature, (speeds, values) in zip(request.temperatures, curves, strict=True):
         rows += [f"{v:.9g},{temperature:g},{m:.9g}" for v, m in zip(speeds[taken], values[taken], strict=True)]
-    off = max(_off(*one, taken) for one in curves)
+    off = max(_off(*one, taken).max() for one in curves)
     lines = [f"friction at {len(taken)} speeds up to {request.speed:g} {unit}: at most {100.0 * off:.2g} % off between them"]
     if axis.bristle > 0.0:
         lines.append(f"{axis.friction.term.words}: pre-sliding is not in it, the torque is that of steady sliding")
@@ -97,9 +96,9 @@ def friction(request: Request) -> tuple[str, list[str]]:
     return "\n".join(rows) + "\n", lines + list(left_out(axis, thermal))
 
 
-def _off(x: np.ndarray, y: np.ndarray, taken: np.ndarray) -> float:
-    """How far lines between some points are from a curve, at most, over its values."""
-    return float(np.max(np.abs(np.interp(x, x[taken], y[taken]) - y) / np.maximum(np.abs(y), 1e-3 * np.abs(y).max())))
+def _off(x: np.ndarray, y: np.ndarray, taken: Sequence[int] | np.ndarray) -> np.ndarray:
+    """How far lines between some points are from each point of a curve, over its values; a value near 0 counts a thousandth."""
+    return np.abs(np.interp(x, x[taken], y[taken]) - y) / np.maximum(np.abs(y), 1e-3 * np.abs(y).max())
 
 
 def _lying(request: Request) -> tuple[Instance, ...]:
@@ -227,7 +226,7 @@ def linuxcnc(request: Request) -> tuple[str, list[str]]:
     """A lookup table component with the points where they are needed most."""
     speeds, values = curve(request, request.temperatures[0])
     taken = knots(speeds, values, LINCURVE)
-    axis, off = request.axis, _off(speeds, values, taken)
+    axis, off = request.axis, _off(speeds, values, taken).max()
     name = f"{identifier(request.joint)}-friction".replace("_", "-")
     rows = [f"# Friction of {plain(axis.name)} over speed: in {axis.unit('rad/s')}, out {axis.unit('N m')} to be added.",
             f"loadrt lincurve names={name} personality={len(taken)}"]  # fmt: skip
