@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import logging
 import pkgutil
+import traceback
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -67,11 +68,7 @@ def _named(entry: EntryPoint) -> str:
 def raised_by_plug_in(error: BaseException) -> str | None:
     """The entry point in whose package an exception was raised, None for an exception of anybody else."""
     entries = [entry for group in GROUPS for entry in entry_points(group=group)]
-    trace = error.__traceback__
-    modules = []
-    while trace is not None:
-        modules.append(str(trace.tb_frame.f_globals.get("__name__", "")))
-        trace = trace.tb_next
+    modules = {frame.f_globals.get("__name__") for frame, _ in traceback.walk_tb(error.__traceback__)}
     return next((_named(entry) for entry in entries if entry.module in modules), None)
 
 
