@@ -13,7 +13,7 @@ def header(code: AxisCode) -> str:
     text = re.sub(r"^static const real", "static constexpr real", text, flags=re.MULTILINE)
     text = re.sub(r"^(void|real) ", r"static \1 ", text, flags=re.MULTILINE)
     inside = "\n".join(f"    {line}" if line else "" for line in text.splitlines())
-    name, signals = code.name, ", const real *signals" if code.signals else ""
+    name, given = code.name, code.given if code.signals else f"{code.given} = real(20.0)"
     passed = ", signals" if code.signals else ""
     return f"""// {plain(code.axis.name)}: friction and its compensation, for periods of {code.period:g} s. Made by tcs-friction.
 #pragma once
@@ -37,13 +37,13 @@ public:
     }}
 
     // Opposing torque of friction and effects at the next instant of a motion.
-    real friction(real t, real position, real velocity, real acceleration, real torque, real temperature = real(20.0){signals})
+    real friction(real t, real position, real velocity, real acceleration, real torque, {given})
     {{
         return {name}_friction_step(&friction_, t, position, velocity, acceleration, torque, temperature{passed});
     }}
 
     // Torque to add to the command, for a reference now.
-    real compensate(real t, real position, real velocity, real acceleration, real temperature = real(20.0){signals})
+    real compensate(real t, real position, real velocity, real acceleration, {given})
     {{
         return {name}_compensator_step(&compensator, t, position, velocity, acceleration, temperature{passed});
     }}
@@ -58,7 +58,7 @@ public:
 }};
 
 }}  // namespace {name}
-""".replace("temperature = real(20.0), const", "temperature, const")
+"""
 
 
 def controller(code: AxisCode, joint: str) -> str:
