@@ -33,10 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--into", type=Path, metavar="MODEL", help="your own model, whose joint becomes the axis (mjcf, urdf, sdf)")
     add("--joint", type=name_word, default="", metavar="NAME", help="default: the one recorded, else the axis' name")
     add("--kind", default="", help="which table or FMU (default: the first)")
-    add("--speed", type=number, default=1.0, metavar="V", help="friction is fitted up to this speed (default: 1 rad/s or m/s)")
+    add("--speed", type=above_zero, default=1.0, metavar="V", help="friction is fitted up to it (default: 1 rad/s or m/s)")
     add("--travel", type=span, metavar="FROM:TO", help="torque is fitted in between (default: a turn, or 1 m)")
     add("--temperatures", type=numbers, default=(20.0,), metavar="T,T,...", help="degC, of a table of friction (default: 20)")
-    add("--period", type=number, metavar="S", help="control period of code and tables (default: the axis file's, else 1 ms)")
+    add("--period", type=above_zero, metavar="S", help="control period of code and tables (default: the axis file's)")
     add("--share", type=share, default=1.0, help="part of the torque that is compensated (default: 1)")
     add("--rest-speed", type=number, default=0.0, metavar="V", help="rest band: below this speed less friction is compensated")
     add("--rest-torque", type=number, default=0.0, metavar="M", help="most friction compensated at rest")
@@ -97,6 +97,13 @@ def number(word: str) -> float:
     if not 0.0 <= value < math.inf:
         raise argparse.ArgumentTypeError(f"{word!r} is no number from 0 on")
     return value
+
+
+def above_zero(word: str) -> float:
+    """A number above 0, as the `type` of an argument."""
+    if not number(word) > 0.0:
+        raise argparse.ArgumentTypeError(f"{word!r} is no number above 0")
+    return float(word)
 
 
 def share(word: str) -> float:

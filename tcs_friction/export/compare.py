@@ -108,22 +108,22 @@ def against_recording(real: Sequence[Recording], simulated: Sequence[Recording],
     found: dict[str, list[Pair]] = {name: [] for name in units}
     data = [prepare([one], held_out=False) for one in real]
     for one, other in zip(data, simulated, strict=True):
+        parts = prepare([other], held_out=False).stretches
         for stretch in one.stretches:
             for name in units:
-                found[name].append(_beside(stretch, stretch.t, name, other))
+                found[name].append(_beside(stretch, stretch.t, name, parts, other.source))
     return [compared(data[0], "as recorded", name, unit, found[name]) for name, unit in units.items()]
 
 
-def _beside(stretch: Stretch, t: np.ndarray, signal: str, simulated: Recording) -> Pair:
-    """A signal of a stretch at times `t` of a simulation's recording, and the simulation's, both filtered in the same way."""
-    parts = prepare([simulated], held_out=False).stretches
+def _beside(stretch: Stretch, t: np.ndarray, signal: str, parts: Sequence[Stretch], source: str) -> Pair:
+    """A signal of a stretch at times `t` of a simulation, and the simulation's in `parts`, both filtered in the same way."""
     values = np.full(len(t), np.nan)
     for part in parts:
         inside = (t >= part.t[0]) & (t <= part.t[-1])
         values[inside] = np.interp(t[inside], part.t, getattr(part, signal))
     rows = np.flatnonzero(np.isfinite(values))
     if len(rows) < 2:
-        raise InputError(simulated.source, "no time in common with the real recording", "a simulation of the same run")
+        raise InputError(source, "no time in common with the real recording", "a simulation of the same run")
     return stretch, rows, getattr(stretch, signal)[rows], values[rows]
 
 
@@ -140,7 +140,8 @@ def against_model(real: Sequence[Recording], file: AxisFile, model: Path, joint:
              for k, (name, one) in enumerate((("position", "rad"), ("velocity", "rad/s")))]  # fmt: skip
     along = recorded_along(model, joint, file.with_axis(plain), real)
     pairs = [
-        _beside(stretch, stretch.t - stretch.t[0], "torque", own) for stretch, own in zip(data.stretches, along, strict=True)
+        _beside(stretch, stretch.t - stretch.t[0], "torque", prepare([own], held_out=False).stretches, own.source)
+        for stretch, own in zip(data.stretches, along, strict=True)
     ]
     return [*found, compared(data, "along the recorded motion", "torque", unit("N m"), pairs)]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tcs_friction import cli
-from tcs_friction.commands.export import number, numbers, share, span
+from tcs_friction.commands.export import above_zero, number, numbers, share, span
 from tcs_friction.config import load_axis, shipped
 
 AXIS = shipped("azimuth_1p2m.yaml")
@@ -87,6 +87,7 @@ def test_the_users_model_is_not_written_over(tmp_path: Path, capsys: pytest.Capt
     ("kind", "good", "bad"),
     [
         (number, "1e-3", ["-1", "x", "inf", "1e999", ""]),
+        (above_zero, "1e-3", ["0", "-1", "x"]),
         (share, "0.5", ["1.1", "-1"]),
         (numbers, "1,2", ["1,x", "nan", ""]),
         (span, "-1:2", ["1", "2:1", "1:2:3", "a:b"]),
