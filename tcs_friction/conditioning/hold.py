@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 MOSTLY = 0.95  # of the steps between changes, that must be whole multiples of a number of samples for values to be stale between
 MOST_LOST = 3  # values in a row, between which a line says more than the last one
 FEWEST_CHANGES = 20  # of a torque, before anything is said about how often it is fresh
-AROUND = 5  # values on either side, over which a torque changes alike
+AROUND = 5  # values on either side: of eleven squares, a mean is known to 43 % (chi squared), and what is nearer is alike
 
 
 class Between(Enum):

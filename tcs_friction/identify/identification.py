@@ -41,7 +41,11 @@ from tcs_friction.recording.mending import mendings
 from tcs_friction.recording.recording import Recording
 
 WORSE = 1.2  # times the torque residual: predictions that raise it by more contradict the torques
-OCTAVE = 0.5  # of the low pass' frequency: what swings faster than that loses its phase
+OCTAVE = 0.5
+"""Of the low pass' frequency: a bristle that swings faster answers a step with a rate whose power lies to a third above it.
+
+Of w^2 / ((1 - w^2)^2 + 4 d^2 w^2), 22 to 44 % lie beyond w = 2 for a damping d of 0.3 to 0.7 of the critical one.
+"""
 NOISELESS = 1e-4  # of the torque: residuals so small bias nothing
 COLOURED = "errors of prediction are not white: the model lacks something, and its numbers stand for that, too"
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
@@ -363,12 +367,12 @@ def _sharpened(
     left = sharp.disturbance(problem.motion.bandwidth) if bent else rms(refined.residual[counted])
     if not left < WORSE * before:
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
-    freed = ~held & ~verdicts.space.free
-    reasons = {k: reason for k, reason in verdicts.reasons.items() if not freed[k] or k >= problem.lateness_index}
+    freed = np.flatnonzero(~held & ~verdicts.space.free)
+    reasons = {k: reason for k, reason in verdicts.reasons.items() if k not in freed}
     return replace(
         verdicts, refined=refined, space=space, evaluations=verdicts.evaluations + sharp.evaluations,
         notes=verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED), reasons=reasons,
-        owed=np.zeros_like(verdicts.owed) if freed.any() and not reasons else verdicts.owed,
+        owed=verdicts.owed if reasons else np.zeros_like(verdicts.owed),
     ), sharp  # fmt: skip
 
 
@@ -379,23 +383,20 @@ def _predicted(
 
     before: rms of the torques' residual, N m.
     """
-    unknowns, size = verdicts.refined.unknowns, problem.states_index
-    held = ~verdicts.space.free & (np.arange(len(unknowns)) != problem.lateness_index)
-    names = problem.names
-    drop = DROP in names and names.index(DROP) in verdicts.reasons  # what trades with a drop is bent: `owed` tries others
-    untold = np.flatnonzero(held[:size] & space.free[:size] & ~drop).tolist()
-    untold = [k for k in untold if k not in beforehand(problem, space)]
+    unknowns, size, names = verdicts.refined.unknowns, problem.states_index, problem.names
+    held = ~verdicts.space.free
+    held[problem.lateness_index] = False
+    bent = DROP in names and names.index(DROP) in verdicts.reasons  # what trades with a drop: `owed` tries others
+    ruled_out = beforehand(problem, space)
+    untold = [] if bent else [k for k in np.flatnonzero((held & space.free)[:size]).tolist() if k not in ruled_out]
     if untold:
+        held[untold] = False
         start = unknowns.copy()
         start[untold] = np.clip(start[untold], 1.01 * space.lower[untold], space.upper[untold] / 1.01)
-        own = space.holding(held & ~np.isin(np.arange(len(held)), untold))
-        sharp = sharpen(fine, start[:size], own.first(size), before, loss, cancel)
-        if sharp is None:
-            return None, held
-        unsure = {k: "" for k in untold if not sharp.tells(k)}
-        unsure |= companions(problem, unsure)
-        held = ~own.free & (np.arange(len(held)) != problem.lateness_index) | np.isin(np.arange(len(held)), list(unsure))
-        if not unsure:
+        sharp = sharpen(fine, start[:size], space.holding(held).first(size), before, loss, cancel)
+        unsure = dict.fromkeys((k for k in untold if sharp is None or not sharp.tells(k)), "")
+        held[[*unsure, *companions(problem, unsure)]] = True
+        if sharp is None or not unsure:
             return sharp, held
     return sharpen(fine, unknowns[:size], space.holding(held).first(size), before, loss, cancel), held
 

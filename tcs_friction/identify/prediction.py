@@ -23,14 +23,12 @@ from tcs_friction.identify.refine import Space
 TUNING_SAMPLES = 20_000  # of the disturbance's spectrum before the fit
 TUNING_ROUNDS = 16
 TUNING_SHIFT = 2.0  # periods: between the two ends of one lies what is not known of a log
-NUISANCES = 4  # unknowns beyond law, inertia, offset and lateness, which stand at the end in this order
-INERTIA, OFFSET, LATENESS = -7, -6, -5  # kg m^2, N m, s
+INERTIA, OFFSET, LATENESS = -7, -6, -5  # of the unknowns, after those of the law: kg m^2, N m, s
 RATE, SIZE, DRIFT = -4, -3, -2  # 1/s and rad/s^2 of the disturbance, rad/s^2 of its slow drift
 MISSED = -1  # share of the torque's changes that acts besides, because the log does not show it
-REST = NUISANCES + 3
+NUISANCES, REST = -RATE, -INERTIA  # how many stand at the end
 FORGOTTEN = 0.1  # standard deviations of a prediction, by which it may depend on what was before the recording
-WHOLE = 0.03  # rad that bristles swing in a step of the midpoint rule alone, which then errs by 0.03^2/12 in their stiffness
-FINEST = 0.3  # rad, in one that is extrapolated from its halves (see the test of steps)
+FINEST = 0.1  # rad that bristles swing in a step: that misses 3e-5 of their stiffness at 0.7 of critical damping, 6e-7 at none
 MOST_SUBSTEPS, STIFFEST = 32, 0.5  # of a period; rad per step: bristles that swing faster are not resolved
 JUMP = 0.05  # of its range: friction that changes by more within a sample is not resolved
 AROUND = LEAST_RUN // 2  # samples on either side that are left out, too
@@ -207,7 +205,6 @@ class LuGrePredictor(Predictor):
         self._model, self._unsure = model, 1.0
         self._turn = self._fastest(unknowns) * fine.period
         self._substeps = _steps_for(self._turn, finest)
-        self._halved = self._turn > WHOLE * self._substeps
         super().__init__(fine, space, self._substeps)
 
     @property
@@ -218,9 +215,7 @@ class LuGrePredictor(Predictor):
         needed = _steps_for(self._fastest(unknowns[: -NUISANCES]) * self.fine.period, FINEST)
         if needed <= self._substeps:
             return self
-        other = LuGrePredictor(self.fine, self._model, self.space, unknowns[: -NUISANCES])
-        other.encoder = self.encoder
-        return other
+        return LuGrePredictor(self.fine, self._model, self.space, unknowns[: -NUISANCES])
 
     def _fastest(self, unknowns: np.ndarray) -> float:
         """rad/s, of the bristles' own swing or decay; unknowns (k + 3,): law, inertia, offset, lateness."""
@@ -232,9 +227,8 @@ class LuGrePredictor(Predictor):
         candidates = np.column_stack([laws, _rest(unknowns, encoder), np.full(len(laws), self._unsure)])
         pushes, moves, row = self._pushes(unknowns[:, LATENESS])
         kernel.predict(
-            self._position, bounds, self._walk.firsts, self._walk.steps, pushes, moves, self._rough, row, candidates,
-            self._halved, *out,
-        )  # fmt: skip
+            self._position, bounds, self._walk.firsts, self._walk.steps, pushes, moves, self._rough, row, candidates, *out
+        )
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Leave out, too, what depends on how a bristle was bent before the recording: a filter of that would not be linear."""

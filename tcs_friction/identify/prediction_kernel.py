@@ -3,8 +3,8 @@
 State: position x, velocity v, bristle deflection z and the acceleration by disturbances, which is first-order noise w and a
 slow drift d; without the drift, whatever a law lacks at low frequency would spoil the spectrum of w. A step is that of the
 midpoint rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for fast
-motion; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). Each stretch starts with velocity,
-bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
+motion, extrapolated from the step's two halves; covariances follow the linearised step (extended Kalman filter, Jazwinski
+1970). Each stretch starts with velocity, bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tcs_friction.identify.kernels import FAST, falling_exponential, mean_decay
 
 LANES = 16
 SLOW = 0.3  # 1/s, of the drift
-SIZE = 14  # of a candidate
+SIZE = 14  # of a candidate: LuGre's six, and eight that `predict` lists
 ROWS = 20  # of the state and its covariance
 
 
@@ -44,7 +44,6 @@ def predict(
     rough: Any,
     row: Any,
     candidates: Any,
-    halved: bool,
     errors: Any,
     variances: Any,
 ) -> None:
@@ -55,7 +54,7 @@ def predict(
     moves as far, rough (q,) N m by which the torque changes about there, row (m,) which timing a candidate has, candidates
     (m, SIZE): LuGre's six as in `physics.friction.lugre`, inertia, offset N m, rate 1/s and size (rad/s^2 rms) of the
     disturbance, encoder noise rad rms, size of the drift (rad/s^2 rms), share of the changes that the log misses, how unsure a
-    bristle is at first (1; 0: it is relaxed). halved: whether steps are extrapolated from their halves.
+    bristle is at first (1; 0: it is relaxed).
     Out (m, n): errors in rad, variances in rad^2.
     """
     L = LANES
@@ -102,11 +101,8 @@ def predict(
                         push[j] = pushes[r, k] - c[7, j]
                         lift[j] = moves[r, k] - pushes[r, k]
                         unknown[j] = c[12, j] * (rough[k] * c[6, j]) ** 2
-                    if halved:
-                        _halves(s, c, push, dt, ends)
-                    _advance(s, c, push, lift, unknown, dt)
-                    if halved:
-                        _extrapolate(s, ends)
+                    _halves(s, c, push, dt, ends)
+                    _advance(s, c, push, lift, unknown, ends, dt)
 
 
 @njit(inline="always")
@@ -154,35 +150,26 @@ def _midpoint(x: Any, v: Any, z: Any, push: Any, dt: float, c: Any, j: Any) -> A
 
 @njit(inline="always")
 def _halves(s: Any, c: Any, push: Any, dt: float, ends: Any) -> None:
-    """By how much position, velocity and deflection (3, lanes) lie off the end of a whole step, if halves are halved for ever:
-
-    four thirds of what its two halves change, as a step errs by its third power (Richardson 1911).
-    """
+    """Position, velocity and deflection (3, lanes) after a step in two halves under the mean torque."""
     for j in range(LANES):
         w, d, keep = s[3, j], s[14, j], c[17, j]
         first = push[j] + ((0.5 + 0.5 * keep) * w + d) / c[6, j]
         x, v, z = _midpoint(s[0, j], s[1, j], s[2, j], first, 0.5 * dt, c, j)
         second = push[j] + ((0.5 + 0.5 * keep) * keep * w + d) / c[6, j]
-        x, v, z = _midpoint(x, v, z, second, 0.5 * dt, c, j)
-        middle = push[j] + ((0.5 + 0.5 * keep * keep) * w + d) / c[6, j]
-        wx, wv, wz = _midpoint(s[0, j], s[1, j], s[2, j], middle, dt, c, j)
-        ends[0, j], ends[1, j], ends[2, j] = (x - wx) / 0.75, (v - wv) / 0.75, (z - wz) / 0.75
+        ends[0, j], ends[1, j], ends[2, j] = _midpoint(x, v, z, second, 0.5 * dt, c, j)
 
 
 @njit(inline="always")
-def _extrapolate(s: Any, ends: Any) -> None:
-    """A whole step to where infinitely many parts of it would end, by what `_halves` found."""
-    for j in range(LANES):
-        s[0, j] += ends[0, j]
-        s[1, j] += ends[1, j]
-        s[2, j] += ends[2, j]
+def _extrapolated(whole: Any, halves: Any) -> Any:
+    """Where infinitely many parts of a step would end, whose error goes with its third power (Richardson 1911)."""
+    return whole + (halves - whole) / 0.75
 
 
 @njit(inline="always")
-def _advance(s: Any, c: Any, push: Any, lift: Any, unknown: Any, dt: float) -> None:
+def _advance(s: Any, c: Any, push: Any, lift: Any, unknown: Any, ends: Any, dt: float) -> None:
     """One step of all lanes under the torque `push` (N m), which moves as `push + lift` does: x' = T x, P' = T P T^T + Q.
 
-    unknown: variance of an acceleration that lasts for this step alone, (rad/s^2)^2.
+    unknown: variance of an acceleration that lasts for this step alone, (rad/s^2)^2. ends: what `_halves` found.
     Rows: x v z w, xx xv xz xw vv vz vw zz zw ww, d, xd vd zd wd dd.
     """
     half = 0.5 * dt * dt
@@ -202,9 +189,9 @@ def _advance(s: Any, c: Any, push: Any, lift: Any, unknown: Any, dt: float) -> N
         zm, flow = z + 0.5 * moved, share * flow
         a = (push[j] - stiffness * zm - damping * flow - viscous * vm) * lightness + middle * w + d
         beyond = half * lift[j] * lightness  # the way that the torque moves beyond its mean, which bends and damps, too
-        s[0, j] += dt * v + half * a + beyond
-        s[1, j] = v + dt * a - (viscous + damping * zv / dt) * lightness * beyond
-        s[2, j] = z + moved + zv / dt * beyond
+        s[0, j] = _extrapolated(s[0, j] + dt * v + half * a, ends[0, j]) + beyond
+        s[1, j] = _extrapolated(v + dt * a, ends[1, j]) - (viscous + damping * zv / dt) * lightness * beyond
+        s[2, j] = _extrapolated(z + moved, ends[2, j]) + zv / dt * beyond
         s[3, j] = w * keep
         s[14, j] = d * stay
 

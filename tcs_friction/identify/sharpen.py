@@ -29,8 +29,8 @@ from tcs_friction.identify.result import Noise
 from tcs_friction.identify.uncertainty import curvature_inverse
 
 MOSTLY = 0.5  # of the samples, at least, must be resolved
-ROUNDS = 6  # of fits at most, each with the weights that follow from the one before
-COARSE = 0.5  # rad that bristles swing in a step, until a fit is near its end: the midpoint rule errs by 1 % of their frequency
+ROUNDS = 6  # of fits at most, each with the weights of the one before: 3 and 4 were needed in worlds 3 and 0 of `scale_worlds`
+COARSE = 0.5  # rad that bristles swing in a step, until a fit is near its end: that errs by 0.4 % of their stiffness
 LEAST_SEEN = 0.01  # of a curvature: with less, a standard error that is ten times as large says that nothing is known
 LEAST_GAIN = 0.1  # of the cost, whose unit is about half a sample: a step that gains less ends a round
 SETTLED = 0.1  # standard deviations: a round that moves nothing farther is the last
@@ -138,9 +138,15 @@ def sharpen(
 def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable[[], bool]) -> Sharpened:
     """The fit of predictions that begins at `first` (k + 7,)."""
     start = predictor.tune(first)
-    space, evaluations, rounds = predictor.space, 0, 0
+    space, exact, evaluations, rounds, level = predictor.space, predictor, 0, 0, 1.0
     law = np.arange(len(start)) < len(start) + INERTIA
     for spaces in (*[space.holding(law)] * 2, *[space] * ROUNDS):
+        if rounds == 1:  # noise is tuned beside a law that is nearly right
+            start = predictor.tune(start, near=True)
+        elif rounds:
+            start = predictor.scaled(start, level)
+        if exact is not predictor:
+            exact.encoder, evaluations, predictor = predictor.encoder, evaluations + predictor.evaluations, exact
         predictor.weigh(start)
         fit = refine(
             predictor.linearised, predictor.evaluated, predictor.target, predictor.weights, start, spaces, loss,
@@ -153,14 +159,7 @@ def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable
         level = math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
         if cancel() or (moved < SETTLED and rounds and exact is predictor and LEVEL[0] < level < LEVEL[1]):
             break
-        if spaces is space and not rounds:
-            start = predictor.tune(start, near=True)  # of noise, beside a law that is nearly right
-        elif spaces is space:
-            start = predictor.scaled(start, level)
         rounds += spaces is space
-        if exact is not predictor:
-            exact.encoder = predictor.encoder
-            evaluations, predictor = evaluations + predictor.evaluations, exact
     seen = _seen(predictor, fit)
     return Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor, predictor.scores(start), seen)
 

@@ -22,7 +22,8 @@ WIDTHS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Of bristles, as shares of the travel: from the finest that any bearing of a long axis shows to a soft cable."""
 PER_PERIOD = 2  # timings that are tried
 CHANCE = 1e-3  # probability that another timing explains so much more where the motion's own is right (likelihood ratio)
-RANK = 1e-9  # of the largest, below which columns are the same, and of a torque's squares, which differences do not resolve
+RANK = 1e-9  # of the largest, below which columns are the same
+UNRESOLVED = float(np.finfo(float).eps) / RANK  # of a torque's squares: rounding, which the inverse makes larger by 1 / RANK
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def _left(motion: Motion, columns: np.ndarray, lags: np.ndarray, per_sample: int
     for part in motion.stretches:
         own = _explained(columns[:, part], motion.torque[part], lags, per_sample)
         explained, energy = explained + own[0], energy + own[1]
-    return np.maximum(1.0 - explained / energy, RANK)
+    return np.maximum(1.0 - explained / energy, UNRESOLVED)
 
 
 def _columns(motion: Motion) -> np.ndarray:

@@ -15,7 +15,7 @@ from tcs_friction.conditioning.motion import prepare, windows
 from tcs_friction.control.loop import LoopRun
 from tcs_friction.identify import forced_kernel, identification
 from tcs_friction.identify.identification import identify
-from tcs_friction.identify.prediction import ForcedPredictor
+from tcs_friction.identify.prediction import FINEST, ForcedPredictor
 from tcs_friction.identify.prediction_kernel import LANES, SLOW, predict
 from tcs_friction.identify.problem import pose, settled
 from tcs_friction.identify.sharpen import Sharpened, widened
@@ -28,7 +28,8 @@ DT = 1e-3
 DRIVEN = np.array([[DT**2 / 3.0, DT / 2.0], [DT / 2.0, 1.0]])  # of velocity and itself, by a random acceleration
 CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 60.0, 2e-4, 5e-8, 1e-4, 0.5, 1.0])
 LIGHT = np.array([20.0, 28.0, 0.02, 2.2e6, 3e3, 12.0, 4.0, 0.0, 100.0, 1e-12, 1e3, 1e-12, 0.0, 0.0])
-"""A bristle that swings by 0.74 rad in a sample; an encoder that tells nothing."""
+"""Of an encoder that tells nothing."""
+SWING = DT * max(math.sqrt(LIGHT[3] / LIGHT[6]), (LIGHT[4] + LIGHT[5]) / LIGHT[6])  # rad in a sample, of its bristle
 LATE = 0.4 * DT
 ROUGH = 0.3  # N m, of a torque's changes
 
@@ -113,7 +114,7 @@ def test_lanes_equal_a_slow_filter(run: LoopRun) -> None:
     candidates[:, 3] *= np.linspace(0.8, 1.2, LANES + 1)
     errors, variances = np.empty((LANES + 1, 400)), np.empty((LANES + 1, 400))
     row = np.zeros(LANES + 1, dtype=np.int64)
-    predict(position, np.array([0, 400]), *pushed(torque), row, candidates, False, errors, variances)
+    predict(position, np.array([0, 400]), *pushed(torque), row, candidates, errors, variances)
     for k in (0, LANES):
         expected, spread = slow(position, torque, candidates[k])
         assert variances[k, 5:] == pytest.approx(spread[5:], rel=1e-2)
@@ -124,9 +125,9 @@ def test_each_stretch_starts_afresh(run: LoopRun) -> None:
     position, torque = run.position[1000:2000] - run.position[1000], run.torque[1000:2000].copy()
     both, second = np.empty((2, 1, 1000)), np.empty((2, 1, 500))
     one = np.zeros(1, dtype=np.int64)
-    predict(position, np.array([0, 500, 1000]), *pushed(torque), one, CANDIDATE[None], False, *both)
+    predict(position, np.array([0, 500, 1000]), *pushed(torque), one, CANDIDATE[None], *both)
     later = [values[..., 500:] for values in pushed(torque)]
-    predict(position[500:].copy(), np.array([0, 500]), later[0] - 500, *later[1:], one, CANDIDATE[None], False, *second)
+    predict(position[500:].copy(), np.array([0, 500]), later[0] - 500, *later[1:], one, CANDIDATE[None], *second)
     assert both[0, 0, 502:] == pytest.approx(second[0, 0, 2:], abs=1e-11)
     assert both[1, 0, 502:] == pytest.approx(second[1, 0, 2:], rel=1e-6)
 
@@ -154,21 +155,25 @@ def followed(torque: np.ndarray, late: float, parts: int) -> np.ndarray:
 
 
 def test_finer_steps_of_a_walk_come_near_to_the_motion() -> None:
-    """The midpoint rule errs by the square of its step, extrapolated by its fourth power, wherever the torque changes."""
+    """Steps err by their fourth power, wherever the torque changes; at FINEST by less than 3e-4 of stiffness moves."""
     random, count, late = np.random.default_rng(0), 300, 0.375 * DT
     torque = 25.0 * np.sin(0.03 * np.arange(count)) + np.repeat(10.0 * random.standard_normal(count // 4), 4)
     position, log = followed(torque, late, 64), LoggedTorque(np.arange(count) * DT, torque, DT)
-    row, bounds = np.zeros(1, np.int64), np.array([0, count])
-    for halved, ratio in ((False, 0.35), (True, 0.25)):
-        errors = []
-        for parts in (2, 4):
-            firsts, steps = np.append(np.arange(count), count - 1) * parts, np.full((count - 1) * parts, DT / parts)
-            pushes, moves = (one[None] for one in log.pushes(np.arange((count - 1) * parts + 1) * (DT / parts), late))
-            out, rough = np.empty((2, 1, count)), np.zeros(len(steps))
-            predict(position, bounds, firsts, steps, pushes, moves, rough, row, LIGHT[None], halved, *out)
-            errors.append(float(np.abs(out[0, 0]).max()))
-        assert errors[1] < ratio * errors[0]
-    assert errors[1] < 1e-3 * float(np.ptp(position))
+
+    def errors(parts: int, stiffness: float = 1.0) -> np.ndarray:
+        firsts, steps = np.append(np.arange(count), count - 1) * parts, np.full((count - 1) * parts, DT / parts)
+        pushes, moves = (one[None] for one in log.pushes(np.arange((count - 1) * parts + 1) * (DT / parts), late))
+        out, candidate = np.empty((2, 1, count)), LIGHT[None].copy()
+        candidate[0, 3] *= stiffness
+        row, rough = np.zeros(1, np.int64), np.zeros(len(steps))
+        predict(position, np.array([0, count]), firsts, steps, pushes, moves, rough, row, candidate, *out)
+        return np.asarray(out[0, 0])
+
+    finest = math.ceil(SWING / FINEST)
+    two, four, missed = (float(np.abs(errors(parts) - less).max()) for parts, less in ((2, 0.0), (4, 0.0), (finest, errors(64))))
+    assert four < 0.25 * two
+    assert four < 1e-3 * float(np.ptp(position))
+    assert missed < float(np.abs(errors(64, 1.0 + 3e-4) - errors(64)).max())
 
 
 def test_intervals_hold_and_errors_stay_at_the_bound() -> None:
