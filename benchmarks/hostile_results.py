@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 from collections.abc import Callable
 from functools import partial
@@ -15,6 +14,7 @@ import pyarrow
 from pyarrow import parquet
 
 from benchmarks.hostile_bags import Maker
+from benchmarks.hostile_yaml import device, pipe
 from tcs_friction.conditioning.checks import check_changes
 from tcs_friction.conditioning.motion import prepare
 from tcs_friction.diagnose.outcome.result import SCHEMA as DIAGNOSIS
@@ -67,18 +67,6 @@ def _spoilt(value: Any, chance: random.Random) -> Any:
 def nested(path: Path, size: int) -> Path:
     """Lists inside lists."""
     path.write_text('{"schema": ' + "[" * size)
-    return path
-
-
-def endless(path: Path, _: int) -> Path:
-    """A device that never ends."""
-    path.symlink_to("/dev/zero")
-    return path
-
-
-def pipe(path: Path, _: int) -> Path:
-    """A pipe into which nobody writes."""
-    os.mkfifo(path)
     return path
 
 
@@ -136,7 +124,7 @@ def reading_motions(path: Path) -> list[Callable[[], object]]:
 
 RESULTS: dict[Maker, tuple[int, int]] = {
     **{partial(told, schema=schema): (1, 300) for schema in (DIAGNOSIS, IDENTIFICATION)},
-    nested: (1, 1_000_000), endless: (1, 1), pipe: (1, 1), rows: (1, 300),
+    nested: (1, 1_000_000), device: (1, 1), pipe: (1, 1), rows: (1, 300),
 }  # fmt: skip
 QUIET = ("constant", "line", "step", "one", "noise", "huge")
 MOTIONS: dict[Maker, tuple[int, int]] = {

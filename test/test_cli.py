@@ -125,6 +125,17 @@ def test_missing_files_are_bad_input(words: list[str], tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_command_begins_without_what_only_some_of_its_work_needs() -> None:
+    program = (
+        "import sys, importlib\n"
+        "needed = {'fleet': 'numpy', 'bag': 'tcs_friction.identify', 'identify': 'matplotlib', 'new': 'matplotlib'}\n"
+        "for name, late in needed.items():\n"
+        "    importlib.import_module(f'tcs_friction.commands.{name}')\n"
+        "    assert late not in sys.modules, (name, late)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
 def test_closed_pipe_is_no_error() -> None:
     program = (
         "import sys; from tcs_friction import cli\n"

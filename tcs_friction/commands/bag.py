@@ -18,11 +18,8 @@ from tcs_friction.commands.inputs import add_columns, add_reading, choice_of
 from tcs_friction.commands.outputs import never_over_an_input
 from tcs_friction.commands.parser import name_word
 from tcs_friction.commands.signal_words import add_signals, named_signals, of_joint, with_signals
-from tcs_friction.conditioning.checks import check_changes
-from tcs_friction.conditioning.motion import prepare
 from tcs_friction.config import load_axis
 from tcs_friction.errors import InputError, TcsError, printable
-from tcs_friction.identify.timing import likely_lag
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.choice import columns_of
 from tcs_friction.recording.health import health, table_health
@@ -98,10 +95,14 @@ def _table_info(arguments: argparse.Namespace) -> None:
 
 def _acting(recording: Recording) -> float | None:
     """When its torque acts, s after its stamp; None where the motion does not tell."""
+    from tcs_friction.conditioning.checks import check_changes
+    from tcs_friction.conditioning.motion import prepare
+    from tcs_friction.identify.timing import likely_lag
+
     longest = max(recording.segments, key=lambda part: part.stop - part.start)
     try:
-        motion = prepare([recording.part(slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES)))])
         check_changes([recording])
+        motion = prepare([recording.part(slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES)))])
         lag = likely_lag(motion)
     except TcsError:  # whoever identifies is told why
         return None

@@ -21,14 +21,13 @@ from tcs_friction.commands.parser import positive
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.diagnose.parallel import cores
 from tcs_friction.errors import InputError, JobError, one_line
-from tcs_friction.recording.bags import chosen_signals, joints_in
-from tcs_friction.recording.choice import Choice
-from tcs_friction.recording.signals import SignalMap
 from tcs_friction.writable import output_place
 
 if TYPE_CHECKING:
     from tcs_friction.fleet.engine import Summary
     from tcs_friction.fleet.sources import Found
+    from tcs_friction.recording.choice import Choice
+    from tcs_friction.recording.signals import SignalMap
 
 SUBCOMMANDS = {"report": "fleet_report"}
 """First words that are commands of their own."""
@@ -92,6 +91,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _signals(first: Found, signals: SignalMap, choice: Choice) -> SignalMap:
     """The signals of the joint that is meant; a number is that of the first recording, whose name holds for all."""
     from tcs_friction.fleet.opening import at_hand
+    from tcs_friction.recording.bags import chosen_signals, joints_in
 
     if not choice.joint.isdecimal():
         return signals.of_joint(choice.joint)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from tcs_friction.errors import JobError, TcsError, printable, writing_into
-from tcs_friction.report.joints import JointRow, write_joints
 
 ALL = "all"
 PLAIN = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,99}")
@@ -49,6 +48,9 @@ def for_each(
     one: Callable[[argparse.Namespace, Path], Done],
 ) -> None:
     """Run `one` with each joint and its folder; what is refused for one is a row of the page. Raises JobError if any was."""
+    # imports what draws, which takes a second and is not there everywhere
+    from tcs_friction.report.joints import JointRow, write_joints
+
     rows: list[JointRow] = []
     contents: dict[str, Any] = {}
     failures: list[str] = []

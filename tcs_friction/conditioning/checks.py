@@ -46,9 +46,14 @@ def check_changes(recordings: Sequence[Recording]) -> None:
     for r in recordings:
         if np.ptp(r.position) == 0.0:
             raise InputError(r.source, "the position never changes", "a recording in which the axis moves")
-        if np.ptp(r.torque) == 0.0:
-            found = f"the torque is constant ({r.torque[0]:g})"
-            raise InputError(r.source, found, "the torque applied to the axis")
+        check_torque(r)
+
+
+def check_torque(recording: Recording) -> None:
+    """Refuse a torque that is always the same, in one line."""
+    if np.ptp(recording.torque) == 0.0:
+        found = f"the torque is constant ({recording.torque[0]:g})"
+        raise InputError(recording.source, found, "the torque applied to the axis")
 
 
 def check(recordings: Sequence[Recording]) -> None:

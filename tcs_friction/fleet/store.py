@@ -16,7 +16,7 @@ import io
 import json
 import os
 import time
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -88,32 +88,31 @@ class Store:
 
     def kept(self) -> list[Kept]:
         """Every row that is there."""
-        paths = self._files("rows")
-        if not paths:
-            return []
-        try:
-            return self._kept(paths)
-        except (OSError, ArrowException):
-            return self._kept([path for path in paths if not self._set_aside(path)])
+        return [Kept(**row) for row in self._table(self._files("rows"), KEY).to_pylist()]
 
-    def _kept(self, paths: list[str]) -> list[Kept]:
-        return [Kept(**row) for row in self._dataset(paths).to_table(columns=KEY).to_pylist()] if paths else []
+    def _table(self, paths: list[str], columns: Sequence[str] = SCHEMA.names) -> Any:
+        """What is in these files, those set aside that cannot be read."""
+        try:
+            return self._read(paths, columns)
+        except (OSError, ArrowException):
+            return self._read([path for path in paths if not self._set_aside(path)], columns)
 
     def _set_aside(self, path: str) -> bool:
         """Whether a file had to be given another name, since it cannot be read."""
         try:
-            self._dataset([path]).to_table()
+            self._read([path])
         except (OSError, ArrowException) as error:
             self.notes.append(f"{path}: cannot be read ({_said(error)}), set aside; what was in it is worked on again")
             self.fs.mv(path, f"{path}{UNREADABLE}")
             return True
         return False
 
-    def _dataset(self, path: list[str]) -> Any:
-        return dataset(
-            path, schema=SCHEMA, filesystem=self.fs, format="parquet", partitioning=PARTITIONING,
+    def _read(self, paths: list[str], columns: Sequence[str] = SCHEMA.names) -> Any:
+        found = dataset(
+            paths, schema=SCHEMA, filesystem=self.fs, format="parquet", partitioning=PARTITIONING,
             partition_base_dir=self._path("rows"), exclude_invalid_files=False,
         )  # fmt: skip
+        return found.to_table(columns=list(columns))
 
     def write(self, row: Row) -> None:
         """Keep one row."""
@@ -138,14 +137,7 @@ class Store:
 
     def rows_beside(self, kept: Kept) -> list[Row]:
         """All rows of its axis and month."""
-        paths = self._files_in(self._partition(kept.axis, kept.month))
-        return self._rows(paths)
-
-    def _rows(self, paths: list[str]) -> list[Row]:
-        try:
-            return from_table(self._dataset(paths).to_table()) if paths else []
-        except (OSError, ArrowException):
-            return self._rows([path for path in paths if not self._set_aside(path)])
+        return from_table(self._table(self._files_in(self._partition(kept.axis, kept.month))))
 
     def settle(self, superseded: Collection[Kept]) -> None:
         """Leave each row once, none of `superseded`, and one file for each axis and month."""
@@ -159,7 +151,7 @@ class Store:
                 self._settle_folder(folder, paths, gone)
 
     def _settle_folder(self, folder: str, paths: list[str], gone: set[Kept]) -> None:
-        rows = {_kept(row): row for row in self._rows(paths)}
+        rows = {_kept(row): row for row in from_table(self._table(paths))}
         current = (row for kept, row in rows.items() if kept not in gone)
         left = sorted(current, key=lambda row: (row.start, row.recording, row.piece))
         name = ""

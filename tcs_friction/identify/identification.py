@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tcs_friction.conditioning.checks import check_torque
 from tcs_friction.conditioning.motion import Data, Motion, Timing, prepare, resmoothed, timed
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
@@ -123,14 +124,14 @@ def identify(
     motion = prepare(data, options.bandwidth, options.loss == "huber", known)
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError("identification", "the axis never moves", "a recording of motion")
-    for one in data:
-        if isinstance(one, Recording) and not np.ptp(one.torque) > 0.0:
-            raise InputError(one.source, f"the torque is constant ({one.torque[0]:g})", "the torque applied to the axis")
+    recordings = [one for one in data if isinstance(one, Recording)]
+    for one in recordings:
+        check_torque(one)
     free_inertia = not options.hold_inertia and not motion.measured
     if free_inertia:
         axis = replace(axis, inertia=likely_inertia(axis.inertia, motion))
     free_timing = known is None and not motion.measured
-    mended = mendings([one for one in data if isinstance(one, Recording)])
+    mended = mendings(recordings)
     task = _Task(axis, method, law, seed, options, believed, free_inertia, free_timing, mended, progress, cancel)
     found = _attempt(task, motion)
     for timing in _other_timings(task, motion, found):
