@@ -14,8 +14,9 @@ class Ramp:
 
     def toward(self, on: bool, elapsed: float) -> float:
         """The factor after `elapsed` more seconds on the way to 1 (on) or 0."""
-        step = elapsed / self.duration if self.duration > 0.0 else 1.0
-        self.value = min(1.0, self.value + step) if on else max(0.0, self.value - step)
+        if self.value != on:  # there already: the usual case
+            step = elapsed / self.duration if self.duration > 0.0 else 1.0
+            self.value = min(1.0, self.value + step) if on else max(0.0, self.value - step)
         return self.value
 
 
@@ -60,14 +61,14 @@ class FadingInput:
 
         `entered` is by how much it has changed since the tick before because it fades; it `rises` where it fades in.
         """
-        ramp, at = self._ramp, self._stamp
-        if wanted and ramp.value == 1.0 and at >= 0 and abs(stamp - at) <= self._limit_ns:  # the usual case first
+        ramp, used = self._ramp, wanted and self.fresh(stamp)
+        if ramp.value == used:  # the usual case first: nothing fades
             self._asked, self.rises, self.entered = stamp, False, 0.0
-            return self._value
+            return self._value if used else 0.0
         elapsed = min(max(stamp - self._asked, 0) / SECOND, self._limit) if self._asked >= 0 else 0.0
         self._asked = stamp
         before = ramp.value
-        share = ramp.toward(wanted and self.fresh(stamp), elapsed)
+        share = ramp.toward(used, elapsed)
         self.rises, self.entered = share > before, self._value * (share - before)
         return self._value * share
 

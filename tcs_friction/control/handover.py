@@ -25,29 +25,27 @@ class Handover:
     """
 
     def __init__(self, step: Step, reset: Callable[[], None], mix: Callable[[Any, Any, float], Any] = between) -> None:
-        self._step, self._reset, self._mix = step, reset, mix
-        self._leaving: Step | None = None
-        self._share = self._fall = 0.0
+        self._source, self._reset, self._mix = step, reset, mix
+        self.step = step
+        """One tick; that of the source itself as long as nothing is leaving."""
 
     def replace(self, step: Step, reset: Callable[[], None], ticks: float) -> None:
         """Hand over within so many ticks to another one, which goes on from the state that it has."""
-        before = Handover(self._step, self._reset, self._mix)
-        before._leaving, before._share, before._fall = self._leaving, self._share, self._fall
-        self._step, self._reset = step, reset
-        self._leaving, self._share, self._fall = before.step, 1.0, 1.0 / max(ticks, 1.0)
+        leaving, mix, share, fall = self.step, self._mix, 1.0, 1.0 / max(ticks, 1.0)
+
+        def both(*given: Any) -> Any:
+            nonlocal share
+            share -= fall
+            found = step(*given)
+            if share > 0.0:
+                return mix(found, leaving(*given), share)
+            if self.step is both:
+                self.step = step
+            return found
+
+        self.step, self._source, self._reset = both, step, reset
 
     def reset(self) -> None:
         """Forget the past: at rest, and nothing is leaving."""
-        self._leaving = None
+        self.step = self._source
         self._reset()
-
-    def step(self, *given: Any) -> Any:
-        """One tick."""
-        found = self._step(*given)
-        if self._leaving is None:
-            return found
-        self._share -= self._fall
-        found = self._mix(found, self._leaving(*given), max(self._share, 0.0))
-        if self._share <= 0.0:
-            self._leaving = None
-        return found

@@ -245,8 +245,8 @@ class Controller(ManagedNode[ControllerConfig]):
         stamp, config = self._pending, self.config
         if (
             self._reference_stamp != stamp
-            or (self._takes_part(COMPENSATION) and self._compensation_stamp != stamp)
-            or (config.observer and self._estimate_stamp != stamp)
+            or (self._compensation_stamp != stamp and self._takes_part(COMPENSATION))
+            or (self._estimate_stamp != stamp and config.observer)
             or self._done == stamp
             or not self.active
         ):
