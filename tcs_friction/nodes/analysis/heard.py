@@ -10,7 +10,7 @@ from tcs_friction.control.stamps import NEW_RUN, NEXT, SECOND
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.core.base import AxisNode
 from tcs_friction.nodes.core.health import Level
-from tcs_friction.nodes.core.joint_input import JointInput, Settings
+from tcs_friction.nodes.core.joint_input import JointInput, JointSettings
 from tcs_friction.nodes.core.joint_states import CommandedTorque
 from tcs_friction.nodes.core.peers import unquoted
 from tcs_friction.nodes.core.series import Series
@@ -36,7 +36,7 @@ class LiveRecording:
     def __len__(self) -> int:
         return len(self._series)
 
-    def follow(self, joint: str, limit: int, config: Settings) -> bool:
+    def follow(self, joint: str, limit: int, config: JointSettings) -> bool:
         """Keep `limit` states of this joint. Whether it is another one: the states of the one before are forgotten."""
         another = joint != self._joint
         if another:

@@ -17,21 +17,16 @@ from tcs_friction.control.stamps import (
     Step,
 )
 from tcs_friction.nodes.core.health import Health, Level
+from tcs_friction.nodes.core.input_settings import InputSettings
 from tcs_friction.nodes.core.joint_states import CommandedTorque
 from tcs_friction.nodes.core.wire import JointWire
 
 TOPIC = "joint_states"
 
 
-class Settings(Protocol):
-    """What a node's configuration says about its inputs: a ClockConfig with Ranges."""
+class JointSettings(InputSettings, Protocol):
+    """What it says about joint states beside that."""
 
-    @property
-    def period(self) -> float: ...
-    @property
-    def age_limit(self) -> float: ...
-    @property
-    def patience(self) -> float: ...
     @property
     def largest_position(self) -> float: ...
     @property
@@ -42,8 +37,6 @@ class Settings(Protocol):
     def largest_acceleration(self) -> float: ...
     @property
     def position_noise(self) -> float: ...
-    def state_objection(self, position: float, speed: float) -> str: ...
-    def torque_objection(self, torque: float) -> str: ...
 
 
 class JointInput:
@@ -66,7 +59,7 @@ class JointInput:
         if not lock_step:
             health.expect(TOPIC, level)
 
-    def configure(self, joint: str, config: Settings) -> None:
+    def configure(self, joint: str, config: JointSettings) -> None:
         """Another joint or other limits; what was heard stays."""
         self._config = config
         self._objection = config.state_objection

@@ -8,20 +8,13 @@ from typing import Protocol
 
 from tcs_friction.control.stamps import REFUSED, REPEATED, FollowRule
 from tcs_friction.nodes.core.health import Health
+from tcs_friction.nodes.core.input_settings import InputSettings
 from tcs_friction.nodes.core.wire import ESTIMATE, REFERENCE, Numbers, Wire
 
 
-class Settings(Protocol):
-    """What a node's configuration says about its inputs: a ClockConfig with Ranges."""
+class ReferenceSettings(InputSettings, Protocol):
+    """What it says about references beside that."""
 
-    @property
-    def period(self) -> float: ...
-    @property
-    def age_limit(self) -> float: ...
-    @property
-    def patience(self) -> float: ...
-    def state_objection(self, position: float, speed: float) -> str: ...
-    def torque_objection(self, torque: float) -> str: ...
     def reference_objection(self, inertia: float, position: float, speed: float, acceleration: float) -> str: ...
 
 
@@ -35,7 +28,7 @@ class TopicInput:
         self._rule = FollowRule(lock_step)
         self._objection: Callable[[Numbers], str] = lambda _: "not configured"
 
-    def follow(self, config: Settings, objection: Callable[[Numbers], str]) -> None:
+    def follow(self, config: InputSettings, objection: Callable[[Numbers], str]) -> None:
         """Other limits."""
         self._objection = objection
         self._rule.configure(config.age_limit, config.patience, period=config.period)
@@ -59,7 +52,7 @@ class EstimateInput(TopicInput):
     def __init__(self, health: Health, lock_step: bool, name: str = "friction_estimate") -> None:
         super().__init__(health, lock_step, name)
 
-    def configure(self, config: Settings) -> None:
+    def configure(self, config: InputSettings) -> None:
         """Other ranges."""
         torque, state = config.torque_objection, config.state_objection
         self.follow(config, lambda numbers: torque(numbers[0]) or state(0.0, numbers[1]) or torque(numbers[2]))
@@ -73,6 +66,6 @@ class ReferenceInput(TopicInput):
     def __init__(self, health: Health, lock_step: bool) -> None:
         super().__init__(health, lock_step, "reference")
 
-    def configure(self, config: Settings, inertia: float) -> None:
+    def configure(self, config: ReferenceSettings, inertia: float) -> None:
         """Other ranges."""
         self.follow(config, lambda numbers: config.reference_objection(inertia, *numbers[:3]))
