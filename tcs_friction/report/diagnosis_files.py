@@ -76,4 +76,4 @@ class _Told:
 def _told(entry: Json) -> _Told:
     parameters = entry.at("parameters").mapping()
     values = {name: one.at("value").number() for name, one in parameters.items()}
-    return _Told(entry.at("effect").text(), values, {name: one.at("std").number(0.0) for name, one in parameters.items()})
+    return _Told(entry.at("effect").text(), values, {name: one.at("std").above(0.0) for name, one in parameters.items()})
