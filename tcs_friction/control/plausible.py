@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tcs_friction.control.config_field import setting, switch
+from tcs_friction.control.config_field import setting
 from tcs_friction.control.pid import PidConfig
 from tcs_friction.physics.axis import Axis
 
@@ -51,7 +51,8 @@ class Ranges:
         1e15, "rad/s^2", 1e-9, 1e15, "real time: positions that take more, beyond the reported speed, are refused"
     )
     position_noise: float = setting(0.0, "rad", 0.0, 1e9, "real time: by how much a measured position may be off")
-    continuous: bool = switch(False, "positions are angles that may begin anew after a turn, as absolute encoders give them")
+    continuous: bool = False
+    """As the axis file says: positions are angles that may begin anew after a turn."""
 
     def placed(self, position: float) -> float:
         """The first position of an axis, in the turn that is taken for it."""

@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque
 
 from tcs_friction.config import AxisFile, control_of
-from tcs_friction.control.config_field import setting, switch
+from tcs_friction.control.config_field import setting
 from tcs_friction.control.plausible import RANGE_OVER_LIMIT, ranges
 from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
@@ -41,7 +41,8 @@ UNTOLD = 1e9  # rad
 class DriverConfig(TorqueLimits, ManagedConfig):
     """Settings of every driver. Those of the hardware are fixed: they hold from the start of the node to its end."""
 
-    continuous: bool = switch(False, "positions of the drive are angles that may begin anew after a turn")
+    continuous: bool = False
+    """As the axis file says: positions of the drive are angles that may begin anew after a turn."""
     start_near: float = setting(
         UNTOLD, "rad", -UNTOLD, UNTOLD, "continuous: where the axis is, within half a turn; 1e9: only the travel tells it"
     )
