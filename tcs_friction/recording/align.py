@@ -20,7 +20,7 @@ from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.stamps import stamped
 from tcs_friction.recording.time_base import TimeBase, of_one_publisher, on_base_clock, time_base
-from tcs_friction.recording.unwrap import unwrapped
+from tcs_friction.recording.unwrap import refuse_other_unit, unwrapped
 
 SLOW = 60_000_000_000
 """ns; over this long a temperature may be interpolated or held whatever its rate."""
@@ -66,6 +66,7 @@ def _made_continuous(
         unwrapped(base.seconds, position, velocity, source) if whole
         else unwrapped(base.seconds[good], position[good], None if velocity is None else velocity[good], source)
     )  # fmt: skip
+    refuse_other_unit(found.modulus, source)
     told.extend(map(mended, found.notes))
 
     def spread(column: Column | None, old: Column | None) -> Column | None:
