@@ -194,7 +194,7 @@ def _usual_of_rows(nearest: Column) -> Column:
 
 
 def _sizes(values: Column) -> tuple[Column, Column, Column]:
-    """Of each message but the ends, along the last axis: from its neighbour to its neighbour, to the nearer one, the smaller step."""
+    """Of each message but the ends, along the last axis: between its neighbours, to the nearer one, the smaller of the steps."""
     steps = np.abs(np.diff(values, axis=-1))
     over = np.abs(values[..., 2:] - values[..., :-2])
     return over, np.fmin(steps[..., 1:], over), np.minimum(steps[..., 1:], steps[..., :-1])
