@@ -35,7 +35,7 @@ from tcs_friction.yaml_files import dump_yaml, load_yaml
 
 T = TypeVar("T")
 
-AXIS_KEYS = ("name", "kind", "inertia", "actuation_delay", "friction", "effects", "sensors", "drive")
+AXIS_KEYS = ("name", "kind", "inertia", "actuation_delay", "friction", "effects", "sensors", "drive", "continuous")
 EFFECT_KEYS = ("effect", "parameters", "signal", "table")
 SPEED_LOOP = 60.0  # rad/s, crossover of a cautious speed loop
 PERIODS = 20.0  # of the control, in a cycle of that crossover
@@ -184,8 +184,11 @@ def parse_axis(value: object, source: str = "axis", inertia: float | None = None
         "kind": str(block.get("kind", "rotary")),
         "actuation_delay": _number(block.get("actuation_delay", 0.0), f"{where}: actuation_delay"),
         "sensors": _parse_numbers(Sensors, _given(block, "sensors", {}), f"{where}: sensors"),
+        "continuous": _given(block, "continuous", False),
         "drive": _parse_numbers(Drive, _given(block, "drive", {}), f"{where}: drive"),
     }
+    if not isinstance(parts["continuous"], bool):
+        raise InputError(f"{where}: continuous", repr(parts["continuous"]), "true or false")
     try:
         return Axis(**parts)
     except InputError as error:
@@ -293,6 +296,8 @@ def axis_mapping(axis: Axis) -> dict[str, Any]:
     block: dict[str, Any] = {"name": axis.name, "kind": axis.kind, "inertia": float(axis.inertia)}
     if axis.actuation_delay:
         block["actuation_delay"] = float(axis.actuation_delay)
+    if axis.continuous:
+        block["continuous"] = True
     block["friction"] = {"law": axis.friction.term.id, **_plain(axis.friction.values)}
     block["effects"] = [_effect_mapping(item) for item in axis.effects]
     for name, part in (("sensors", axis.sensors), ("drive", axis.drive)):

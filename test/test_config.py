@@ -77,6 +77,8 @@ def test_numbers_as_people_write_them_are_numbers() -> None:
         ({"inertia": None}, "inertia: None"),
         ({"inertia": math.nan}, "inertia: nan"),
         ({"inertia": -5.0}, "f: axis azimuth: inertia: -5.0, expected a positive number"),
+        ({"continuous": 1}, "f: axis: continuous: 1, expected true or false"),
+        ({"continuous": True, "kind": "linear"}, "f: axis azimuth: continuous: true of a linear axis, expected kind: rotary"),
         ({"kind": "spiral"}, "f: axis azimuth: kind: 'spiral', expected rotary or linear"),
         ({"actuation_delay": -1.0}, "f: axis azimuth: actuation_delay"),
         ({"friction": {"coulomb": 1.0}}, "f: axis: friction: law is missing"),

@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import wait_until
 
@@ -289,6 +290,15 @@ def test_a_position_goes_on_where_its_32_bits_begin_anew() -> None:
     end = 2**31 - 1
     positions = [scale.position(counts) / step for counts in (end, -end - 1, end, -end - 1, 0, end - 5, -end)]
     assert positions == pytest.approx([end, end + 1, end, end + 1, 2**32, 2**32 + end - 5, 2**32 + end + 2])
+
+
+@pytest.mark.parametrize("begin", [-500, 0])
+def test_a_position_goes_on_where_an_encoder_of_a_turn_begins_anew(begin: int) -> None:
+    scale = Scale(DriveSettings(counts_per_turn=1000.0, position_range=1000.0), False, 1.0)
+    found = [scale.position((counts - begin) % 1000 + begin) for counts in range(900, 3300, 100)]
+    assert np.diff(found) == pytest.approx(2.0 * math.pi / 10.0)
+    back = [scale.position((counts - begin) % 1000 + begin) for counts in range(3100, 800, -100)]
+    assert back == pytest.approx(found[-2::-1])
 
 
 @pytest.mark.parametrize(

@@ -186,7 +186,7 @@ class Controller(ManagedNode[ControllerConfig]):
             objection = self._out_of_reach(position)
         if (objection or not self._lock_step) and not self._usable("reference", stamp, numbers, objection):
             return
-        self._reference, self._reference_stamp = numbers, stamp
+        self._reference, self._reference_stamp = (self._state.beside(position), speed, acceleration), stamp
         if self._lock_step:
             self._command_when_complete()
 
@@ -221,7 +221,7 @@ class Controller(ManagedNode[ControllerConfig]):
             self._command_when_complete()
 
     def _out_of_reach(self, position: float) -> str:
-        away, limit = abs(position - self._state.position), self.config.following_limit
+        away, limit = abs(self._state.beside(position) - self._state.position), self.config.following_limit
         return f"{away:.4g} from the axis, following_limit is {limit:.4g}" if away > limit else ""
 
     def _usable(self, name: str, stamp: int, numbers: tuple[float, ...], objection: str) -> bool:
