@@ -34,7 +34,7 @@ def set_state(asker: Asker, arguments: argparse.Namespace) -> None:
     if number is None:
         raise JobError(f"node {node}", f"no transition {wanted} from its state", f"one of {', '.join(offered)}")
     request = ChangeState.Request(transition=Transition(id=number))
-    if not asker.ask(ChangeState, node, "change_state", request).success:
+    if not asker.ask(ChangeState, node, "change_state", request, times=1).success:
         raise JobError(f"node {node}", f"transition {wanted} failed")
     print("Transitioning successful")
 

@@ -7,6 +7,8 @@ import argparse
 from tcs_friction.nodes.ros.asker import Asker, absolute, print_names
 from tcs_friction.nodes.ros.interface_values import from_yaml, interface
 
+AT_ONCE = 0.25  # s
+
 
 def list_services(asker: Asker, arguments: argparse.Namespace) -> None:
     """Names, with types if wanted."""
@@ -24,12 +26,13 @@ def call_service(asker: Asker, arguments: argparse.Namespace) -> None:
     request = from_yaml(kind.Request, arguments.values)
     name = absolute(arguments.name)
     client = asker.node.create_client(kind, name)
-    if not asker.until(client.service_is_ready, 0.25):
+    if not asker.ready(client, AT_ONCE):
         print("waiting for service to become available...", flush=True)
-        asker.until(client.service_is_ready)
+        asker.ready(client)
     print(f"requester: making request: {request!r}\n", flush=True)
-    response = asker.call(client, request, f"service {name}", float("inf"))
-    print(f"response:\n{response!r}\n")
+    future = client.call_async(request)
+    asker.until(future.done)
+    print(f"response:\n{future.result()!r}\n")
 
 
 VERBS = {"list": list_services, "type": type_of_service, "call": call_service}

@@ -18,6 +18,7 @@ from tcs_friction.errors import JobError, nearest
 
 Found = TypeVar("Found")
 ANSWER_LIMIT = 5.0  # s, of services, and to find anybody at all; as ros2 waits for services
+KNOWN = 0.1  # s that a server gets to find whoever asks: it answers nobody whom it has not found
 SETTLED = 0.5  # s without news, after some; Fast DDS announces what is new within milliseconds
 POLL = 0.05  # s
 
@@ -79,23 +80,29 @@ class Asker:
         names = self.settled(self.services)
         return [name.removesuffix(ending) for name in sorted(names) if name.endswith(ending)]
 
-    def ask(self, kind: Any, node: str, service: str, request: Any) -> Any:
-        """The answer of a node's own service. Raises JobError where the node is not there or does not answer."""
+    def ask(self, kind: Any, node: str, service: str, request: Any, times: int = 5) -> Any:
+        """The answer of a node's own service, asked for again where none comes: what is asked may be asked twice.
+
+        Raises JobError where the node is not there or does not answer.
+        """
         client = self.node.create_client(kind, f"{node}/{service}")
         try:
-            if not self.until(client.service_is_ready, ANSWER_LIMIT):
+            if not self.ready(client, ANSWER_LIMIT):
                 others = self.offering(service)
                 raise JobError(f"node {node}", "not found", nearest(node, others) if others else "its graph to run")
-            return self.call(client, request, node)
+            for _ in range(times):
+                future = client.call_async(request)
+                if self.until(future.done, ANSWER_LIMIT / times):
+                    return future.result()
+            raise JobError(f"node {node}", f"no answer of {client.srv_name} within {ANSWER_LIMIT:g} s", "it to be alive")
         finally:
             self.node.destroy_client(client)
 
-    def call(self, client: Any, request: Any, whose: str, limit: float = ANSWER_LIMIT) -> Any:
-        """The answer of a service that is there. Raises JobError where there is none."""
-        future = client.call_async(request)
-        if not self.until(future.done, limit):
-            raise JobError(f"{whose}", f"no answer of {client.srv_name} within {limit:g} s", "its node to be alive")
-        return future.result()
+    def ready(self, client: Any, limit: float = float("inf")) -> bool:
+        """Whether a service is there within the limit (s), and has found who asks."""
+        there = self.until(client.service_is_ready, limit)
+        self.until(lambda: False, KNOWN)
+        return there
 
 
 @contextmanager
