@@ -89,6 +89,10 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         super().configure(config)
         self._use_lugre(config)
         self._use(self._models.use(config), config)
+        coulomb = f"{config.positive.coulomb:g} and {config.negative.coulomb:g} N m"
+        left_out = f" without {', '.join(config.left_out)}" if config.left_out else ""
+        acts = f"model {config.model}{left_out}" if config.model else f"LuGre friction, Coulomb {coulomb}"
+        self.health.values["compensates"] = acts
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._ramp.duration = config.ramp_time
         self._rule.configure(config.age_limit, config.patience, period=config.period)
