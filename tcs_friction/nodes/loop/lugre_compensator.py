@@ -190,11 +190,9 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
 
     def _torque(self, stamp: int, step: Step, reference: tuple[float, ...]) -> float:
         """The compensation, 0 while Switch3 is off; it comes and goes over `ramp_time`, in lock-step not where a run begins."""
-        begins = step is NEW_RUN or self._stamp < 0
-        if self.lock_step and begins:
-            self._ramp.value = float(self.config.switch3)
-        late = begins or (not self.lock_step and stamp - self._stamp > self.config.age_limit * SECOND)
-        share = self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
+        share = self._ramp.value
+        if share != self.config.switch3:
+            share = self._faded(stamp, step)
         if step is NEW_RUN or not share:
             self._source.reset()
         if not share:
@@ -206,6 +204,14 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._source.reset()
         self.health.note(f"compensation reset: {self.config.torque_objection(torque)}")
         return 0.0
+
+    def _faded(self, stamp: int, step: Step) -> float:
+        """What of the compensation acts while it comes or goes."""
+        begins = step is NEW_RUN or self._stamp < 0
+        if self.lock_step and begins:
+            self._ramp.value = float(self.config.switch3)
+        late = begins or (not self.lock_step and stamp - self._stamp > self.config.age_limit * SECOND)
+        return self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
 
     # Surroundings
 
