@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tcs_friction.control.compensator import CompensatorConfig
+from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
 from tcs_friction.control.config_field import from_mapping
 from tcs_friction.control.loop import LoopConfig
 from tcs_friction.control.observer import NominalPlant
@@ -53,9 +53,21 @@ class Control:
     limits: Mapping[str, float] = field(default_factory=dict)
     """Those of `torque_gate.TorqueLimits` that the file states, by name."""
 
-    def to_mapping(self) -> dict[str, Any]:
-        """The `control:` block that `parse_control` reads back."""
-        return {name: dict(part) for name, part in asdict(self).items() if part}
+    def to_mapping(self, axis: Axis) -> dict[str, Any]:
+        """The `control:` block of this axis' file; a direction of the compensator that has the axis' friction is left out."""
+        content = {name: dict(part) for name, part in asdict(self).items() if part}
+        for direction in own_friction(axis):
+            if content["compensator"][direction] == own_friction(axis)[direction]:
+                del content["compensator"][direction]
+        return content
+
+
+def own_friction(axis: Axis) -> dict[str, dict[str, float]]:
+    """What a compensator has for each direction where nothing else is stated: the axis' friction, if it is of a LuGre axis."""
+    values, names = axis.friction.values, [entry.name for entry in fields(LugreParameters)]
+    if not set(names) <= values.keys():
+        return {}
+    return {direction: {name: float(values[name]) for name in names} for direction in ("positive", "negative")}
 
 
 def default_control(axis: Axis, period: float = LoopConfig.period) -> Control:
@@ -79,7 +91,8 @@ def default_control(axis: Axis, period: float = LoopConfig.period) -> Control:
         bandwidth=ObserverSettings.bandwidth * slower,
         actuation_delay=min(axis.actuation_delay, 0.1),
     )
-    return Control(controller, observer, loop=LoopConfig(period=period))
+    compensator = from_mapping(CompensatorConfig, own_friction(axis), "control: compensator")
+    return Control(controller, observer, compensator, LoopConfig(period=period))
 
 
 @dataclass(frozen=True)
@@ -160,7 +173,7 @@ def load_axis(path: Path, inertia: float | None = None) -> AxisFile:
         SignalMap.from_mapping(content["signals"], where) if content.get("signals") is not None else None
     )
     control = (
-        parse_control(content["control"], f"{where}: control") if content.get("control") is not None else None
+        parse_control(content["control"], f"{where}: control", axis) if content.get("control") is not None else None
     )
     return AxisFile(axis, signals, control)
 
@@ -201,9 +214,13 @@ def _given(block: Mapping[str, Any], key: str, default: object) -> object:
     return default if value is None else value
 
 
-def parse_control(value: object, where: str = "control") -> Control:
-    """The `control:` block."""
+def parse_control(value: object, where: str, axis: Axis) -> Control:
+    """The `control:` block of an axis' file. Friction that it does not state is that of the axis."""
     block = mapping(value, where, tuple(entry.name for entry in fields(Control)))
+    stated = dict(mapping(_given(block, "compensator", {}), f"{where}: compensator"))
+    for direction, own in own_friction(axis).items():
+        stated[direction] = {**own, **mapping(stated.get(direction, {}), f"{where}: compensator: {direction}")}
+    block = {**block, "compensator": stated}
     kinds: dict[str, Any] = {
         "controller": PidConfig,
         "observer": ObserverSettings,
@@ -334,7 +351,7 @@ def axis_file_mapping(file: AxisFile) -> dict[str, Any]:
     if file.signals is not None:
         content["signals"] = file.signals.to_mapping()
     if file.control is not None:
-        content["control"] = file.control.to_mapping()
+        content["control"] = file.control.to_mapping(file.axis)
     return content
 
 
