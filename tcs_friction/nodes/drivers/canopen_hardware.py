@@ -16,6 +16,7 @@ import math
 import struct
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -26,7 +27,7 @@ from tcs_friction.nodes.drivers.canopen_setup import Prepared, Unreachable, prep
 from tcs_friction.nodes.drivers.cia402 import CYCLIC_SYNCHRONOUS_TORQUE, Command, State, controlword, state_of
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
 from tcs_friction.nodes.drivers.object_dictionary import dictionary
-from tcs_friction.nodes.drivers.sync_times import SyncTimes
+from tcs_friction.nodes.drivers.sync_times import KEPT, SyncTimes
 
 try:
     import can
@@ -80,6 +81,7 @@ class CanopenHardware(Hardware):
         self._torque, self._word = 0.0, 0
         self._waits_since = self._answered = self._heard_at = self._beaten = 0.0  # steady times, s
         self._parts: tuple[int, bytes] = (0, b"")
+        self._told: deque[int] = deque(maxlen=KEPT)  # numbers of the SYNCs whose answers were passed on
         self._counted = self._answers = 0
         self.waits = "the drive is being prepared"
 
@@ -106,6 +108,7 @@ class CanopenHardware(Hardware):
 
     def _prepare(self) -> None:
         self._syncs = SyncTimes()  # another connection may have another clock
+        self._told.clear()
         self._thread = threading.Thread(target=self._reach, args=(self._network,), daemon=True)
         self._network = None
         self._thread.start()
@@ -203,8 +206,9 @@ class CanopenHardware(Hardware):
     def _on_second(self, _identifier: int, data: bytes, timestamp: float) -> None:
         (number, stamp), (begun, first) = self._syncs.answered(timestamp, time.monotonic()), self._parts
         kind = SECOND_PART if self._says_torque else WITHOUT_TORQUE
-        if number and begun == number and len(first) >= FIRST.size and len(data) >= kind.size:
+        if number and begun == number and number not in self._told and len(first) >= FIRST.size and len(data) >= kind.size:
             speed, *torque, error = kind.unpack_from(data)
+            self._told.append(number)  # another answer to it would be one to a SYNC that nobody can tell
             self._post(partial(self._on_answer, stamp, FIRST.unpack_from(first), (speed, *(torque or [math.nan]), error)))
 
     def _on_heartbeat(self, state: int) -> None:
