@@ -22,20 +22,25 @@ from functools import lru_cache, partial
 import numpy as np
 
 from tcs_friction.conditioning.checks import check_units
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.conditioning.preprocessing import prepare
+from tcs_friction.conditioning.timing import LogTiming
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.excitation import barred, lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.fit.noise_estimate import surprise
 from tcs_friction.diagnose.fit.parameters import INERTIA
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.maps import remaining_structure
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
+from tcs_friction.diagnose.search.late_log import out_of_step
 from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory, shows_bristles
 from tcs_friction.diagnose.search.rivals import contested
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
 from tcs_friction.diagnose.search.stepwise import (
     Progress,
     Selection,
@@ -49,6 +54,8 @@ from tcs_friction.recording.recording import Recording
 
 WRONG_INERTIA = 0.4  # of its logarithm, by which the believed inertia is not expected to be wrong: a spring feigns another
 STAYS = 3.0  # standard deviations within which an inertia did not change
+Explained = tuple[TorqueBalance, Explanation]
+
 FORGOTTEN = 10.0  # bristle deflections, after which exp(-10) is left of how friction was bent before the recording
 
 
@@ -65,39 +72,67 @@ def diagnose(
     """
     progress = _never_back(progress)
     progress(0.02, "conditioning the recording")
-    data = prepare(recordings, memory=FORGOTTEN * file.axis.bristle, at_rest=not file.axis.friction.term.without_memory)
+    data = _prepared(recordings, file.axis, None)
     check_units(data, file.axis)
-    balance = TorqueBalance(data, file.axis.actuation_delay)
+    balance = TorqueBalance(data)
 
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
-    balance, retuned, base = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
-    lacks = lacking(balance.data, file.axis)
+    late = out_of_step(balance, retuned, partial(_prepared, recordings, file.axis))
+    explained = _explained(recordings, file.axis, balance, retuned, progress)
+    if late is not None:
+        explained = _likelier(explained, _explained(recordings, file.axis, *late, progress))
+
+    progress(0.92, "proving on held-out data")
+    balance, explanation = explained
+    return conclude(balance, file, explanation)
+
+
+def _prepared(recordings: Sequence[Recording], believed: Axis, timings: Sequence[LogTiming] | None) -> DataSet:
+    """The data set of a believed axis, with timings of the torque; None: as the recordings have it."""
+    memory, at_rest = FORGOTTEN * believed.bristle, not believed.friction.term.without_memory
+    return prepare(recordings, memory=memory, at_rest=at_rest, timings=timings)
+
+
+def _explained(
+    recordings: Sequence[Recording], believed: Axis, balance: TorqueBalance, retuned: Fit, progress: Progress
+) -> Explained:
+    """What explains the recordings with one timing of the torque, from the retuned fit on, and the balance that says so."""
+    balance, retuned, base = _unless_contradicted_at_rest(recordings, believed, balance, retuned)
+    lacks = lacking(balance.data, believed)
     if Need.FREE_ACCELERATION in lacks:
-        instead = _instead_of_wrong_inertia(retuned.axis, file.axis)
+        instead = _instead_of_wrong_inertia(retuned.axis, believed)
         balance, retuned, base = _with_known_inertia(balance, retuned, base, instead)
         lacks = lacks if instead is None else lacks - {Need.FREE_ACCELERATION}
 
-    remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
+    remainder, selection = _searched(balance, retuned, base, believed, lacks, progress)
     if balance.inertia_known and selection.found:
-        inertia = _inertia_beside(balance, selection, file.axis)
+        inertia = _inertia_beside(balance, selection, believed)
         if inertia is not None:
             balance, retuned, base = _with_known_inertia(balance, retuned, base, inertia)
             lacks = lacks | {Need.FREE_ACCELERATION}
-            remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
-    elif _inertia_lost(balance, selection, file.axis):
-        instead = _instead_of_wrong_inertia(retuned.axis, file.axis)
+            remainder, selection = _searched(balance, retuned, base, believed, lacks, progress)
+    elif _inertia_lost(balance, selection, believed):
+        instead = _instead_of_wrong_inertia(retuned.axis, believed)
         balance, retuned, base = _with_known_inertia(balance, retuned, base, instead)
-        remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
+        remainder, selection = _searched(balance, retuned, base, believed, lacks, progress)
 
     progress(0.75, "looking for structure that remains")
     left = remainder(selection.base, selection.chosen)
     if left.instead is None:
         left = remainder(selection.base, beyond_remaining_spectrum(balance, selection.chosen, retuned))
-    explanation = _explanation(balance, file.axis, selection, left, progress)
+    return balance, _explanation(balance, believed, selection, left, progress)
 
-    progress(0.92, "proving on held-out data")
-    return conclude(balance, file, explanation)
+
+def _likelier(in_step: Explained, out_of_step: Explained) -> Explained:
+    """What explains the recordings with the log in step or, where that is likelier by more than chance, out of it."""
+
+    def surprised(one: Explained) -> float:
+        balance, fit = one[0], one[1].unmapped
+        left = surprise(balance, balance.residual(fit.axis, fit.noise))
+        return left + len(fit.free) * math.log(balance.samples.effective_count)
+
+    return out_of_step if surprised(out_of_step) + DISTINGUISHABLE < surprised(in_step) else in_step
 
 
 def _never_back(progress: Progress) -> Progress:
@@ -123,10 +158,10 @@ def _unless_contradicted_at_rest(
     if retuned.axis.friction.term.without_memory:
         return balance, retuned, retuned
     try:
-        moving = prepare(recordings, at_rest=False)
+        moving = prepare(recordings, at_rest=False, timings=balance.data.timings)
     except InputError:  # the axis hardly moves: too few samples are left to ask
         return balance, retuned, retuned
-    other = TorqueBalance(moving, balance.stated_delay)
+    other = TorqueBalance(moving)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
     asked = not shows_bristles(balance, retuned.axis) or contradicted_at_rest(other, retuned, again)
     law = law_without_memory(other, again, believed) if asked else None
@@ -139,7 +174,7 @@ def _with_known_inertia(
     balance: TorqueBalance, retuned: Fit, base: Fit, inertia: float | None
 ) -> tuple[TorqueBalance, Fit, Fit]:
     """The same where acceleration follows position, and a spring could stand for any inertia: it stays, or is that given."""
-    known = TorqueBalance(balance.data, balance.stated_delay, inertia_known=True)
+    known = TorqueBalance(balance.data, inertia_known=True)
     fits = []
     for fit in (retuned, base):
         axis = fit.axis if inertia is None else replace(fit.axis, inertia=inertia)
@@ -164,7 +199,7 @@ def _inertia_beside(balance: TorqueBalance, selection: Selection, believed: Axis
     """
     known = selection.chosen.axis
     others = tuple(item for item in known.effects if Need.FREE_ACCELERATION not in item.term.needs)
-    free = TorqueBalance(balance.data, balance.stated_delay)
+    free = TorqueBalance(balance.data)
     fit = settle(free, replace(known, effects=others), selection.chosen.noise, rounds=2)
     error = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance)), strict=True))[INERTIA]
     changed = abs(math.log(fit.axis.inertia / known.inertia)) > STAYS * error

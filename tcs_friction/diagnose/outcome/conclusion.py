@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
@@ -36,6 +37,7 @@ from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
 from tcs_friction.diagnose.outcome.statement import statement
+from tcs_friction.diagnose.search.late_log import torque_acts
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
@@ -100,6 +102,7 @@ class _Conclusion:
 
     def diagnosis(self) -> Diagnosis:
         fit, data, believed = self.explanation.improved, self.balance.data, self.file.axis
+        timing = torque_acts(data, fit)
         axes = {"believed": believed, "retuned": self.explanation.retuned.axis, "improved": fit.axis}
         residuals = {name: self._residual(axis) for name, axis in axes.items()}
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
@@ -121,9 +124,9 @@ class _Conclusion:
         runs = free.typical()
         moves_better = runs["improved"] <= runs["retuned"] and not (loop and loop.improved_is_worse)
         verdict = self._verdict(errors, unexplained, found, moves_better)
-        late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
+        late = fit.axis.lateness if _is_worse(errors["believed"], errors) else 0.0
         added = [item for item in fit.axis.effects if not item.term.tabulated]
-        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed())
+        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed(), *self._early_log(found))
         if constant is not None:
             unit = unit_of("torque", believed)
             lines += (f"anything, since a constant torque leaves only {constant:.3g} {unit}: inertia or units may be wrong",)
@@ -147,7 +150,8 @@ class _Conclusion:
             atlas=tuple(_atlas_mapping(entry) for entry in located),
             next_experiment=self._experiment(found, floor),
             limits=lines,
-            axis_file=self.file.with_axis(fit.axis),
+            timing=timing,
+            axis_file=_with_timing(self.file.with_axis(replace(fit.axis, lateness=0.0)), timing),
             evidence=evidence_of(
                 self.balance,
                 fit,
@@ -209,12 +213,20 @@ class _Conclusion:
         fits = {"retuned": self.explanation.retuned, "improved": self.explanation.improved}
         unfinished = [name for name, fit in fits.items() if fit.outcome is Outcome.BUDGET_SPENT]
         lines = (f"the fit of the {name} model was still gaining when its last step was taken" for name in unfinished)
-        return (*self.balance.data.notes, *lines)
+        timing = torque_acts(self.balance.data, self.explanation.improved)
+        return (*self.balance.data.notes, *dict.fromkeys(one.words for one in timing), *lines)
 
     def _untimed(self) -> tuple[str, ...]:
         """One line for each event that begins where no data were fitted."""
         found = untimed(self.balance, self.explanation.improved.axis)
         return tuple(f"when the {item.term.words} began: data from {a:.4g} to {b:.4g} s were not fitted" for item, a, b in found)
+
+    def _early_log(self, found: Sequence[Found]) -> tuple[str, ...]:
+        """One line where a delay is named and nobody states when the logged torque acts."""
+        delays = [one.instance.values[one.instance.term.alignment] for one in found if one.instance.term.alignment]
+        if not delays or all(timing.stated for timing in self.balance.data.timings):
+            return ()
+        return (f"whether the torque is {1e3 * delays[0]:.3g} ms late or stamped as much too early, which look alike",)
 
     def _verdict(
         self,
@@ -236,7 +248,7 @@ class _Conclusion:
             return Verdict.UNEXPLAINED
         if found:
             return Verdict.MISSING_PHYSICS if moves_better else Verdict.UNEXPLAINED
-        aligned = replace(self.file.axis, actuation_delay=fit.axis.actuation_delay)
+        aligned = replace(self.file.axis, lateness=fit.axis.lateness)
         if fit.axis.friction.term is not self.file.axis.friction.term:
             left = self._errors(self._residual(aligned)).train
             return Verdict.PARAMETERS if left > WRONG_PARAMETERS * errors["improved"].train else Verdict.MATCH
@@ -291,6 +303,15 @@ class _Conclusion:
                 if experiment is not None:
                     return experiment
         return None
+
+
+def _with_timing(file: AxisFile, timing: Sequence[TorqueActs]) -> AxisFile:
+    """The file with when the logged torque acts, where that was found and is the same in all recordings."""
+    found = {one.acts for one in timing if one.determined and not one.timing.stated}
+    if len(found) != 1 or file.signals is None or not all(one.determined for one in timing):
+        return file
+    torque = replace(file.signals.torque, acts=round(found.pop(), 9))
+    return replace(file, signals=replace(file.signals, torque=torque))
 
 
 def _is_worse(one: Errors, errors: Mapping[str, Errors]) -> bool:

@@ -237,6 +237,8 @@ class _Proof:
                 unit = each.unit_for(fit.axis.kind, fit.axis.torque_unit)
                 if item.term.discontinuous and item.term.coordinate == "time" and each.role is Role.SHAPE:
                     deviation = max(deviation, self._moment_within(item.values[each.name]))
+                if each.name == item.term.alignment:  # the log may have the torque at either end of its leeway
+                    deviation = math.hypot(deviation, self.balance.data.leeway / math.sqrt(3.0))
                 result[each.name] = {"value": item.values[each.name], "std": deviation, "unit": unit}
         return result
 

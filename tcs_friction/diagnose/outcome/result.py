@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
@@ -107,7 +108,10 @@ class Errors:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a diagnosis found. `axis_file` is the improved axis, ready to simulate; `evidence` draws the report."""
+    """What a diagnosis found.
+
+    timing: when the torque of each recording acts. axis_file: the improved axis, ready to simulate. evidence: draws the report.
+    """
 
     verdict: Verdict
     statement: str
@@ -124,6 +128,7 @@ class Diagnosis:
     atlas: tuple[Mapping[str, Any], ...]
     next_experiment: Mapping[str, Any] | None
     limits: tuple[str, ...]
+    timing: tuple[TorqueActs, ...]
     axis_file: AxisFile
     evidence: Evidence
 
@@ -150,4 +155,5 @@ class Diagnosis:
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "described": [found.to_mapping() for found in self.described],
             "limits": list(self.limits),
+            "timing": [one.to_mapping() for one in self.timing],
         }

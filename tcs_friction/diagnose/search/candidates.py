@@ -94,17 +94,17 @@ def _first_steps(balance: TorqueBalance, base: Fit, start: Start) -> Fit:
     """The first steps of the joint fit of an axis with what a start adds."""
     axis = base.axis
     for item in start.instances:
-        axis = _with_effect(balance, axis, item)
+        axis = _with_effect(axis, item)
     return fit_jointly(balance, axis, base.noise, FIRST_STEPS, FIRST_TOLERANCE)
 
 
-def _with_effect(balance: TorqueBalance, axis: Axis, item: Instance) -> Axis:
-    """The axis with one more effect; a filter of the torque starts from the stated alignment, a delay takes over the rest."""
+def _with_effect(axis: Axis, item: Instance) -> Axis:
+    """The axis with one more effect; a filter of the torque starts from the log's alignment, a delay takes over the rest."""
     if not item.term.filters:
         return axis.with_effect(item)
-    aligned = replace(axis, actuation_delay=balance.stated_delay)
+    aligned = replace(axis, lateness=0.0)
     if item.term.alignment:
-        late = item.values[item.term.alignment] + axis.actuation_delay - balance.stated_delay
+        late = item.values[item.term.alignment] + axis.lateness
         item = item.replace(**{item.term.alignment: max(late, 0.0)})
     return aligned.with_effect(item)
 

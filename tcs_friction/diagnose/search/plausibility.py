@@ -34,6 +34,7 @@ LEFT_OVER = 2.0 / CONDITION  # of two equal torques with that index, when they c
 AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
+TINY = 1e-300  # s, instead of no lag
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -41,6 +42,7 @@ class Doubt(enum.Enum):
     """Why a fitted effect cannot be what it says."""
 
     ALIGNMENT = "it is within the log's alignment"
+    BEYOND_SAMPLING = "it is faster than the samples carry"
     TWICE = "it is one wave with another effect"
     WARNED = "its values are not physical"
     TOO_SMALL = "its torque is too small for its gain"
@@ -59,8 +61,10 @@ class Doubt(enum.Enum):
 
 def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
     """Why an effect of a fit cannot be what it says; `base`: the axis that it was searched on."""
-    if item.term.alignment and item.values[item.term.alignment] < balance.alignment_leeway:
+    if item.term.alignment and item.values[item.term.alignment] <= balance.data.leeway:
         return Doubt.ALIGNMENT
+    if _beyond_sampling(balance, item):
+        return Doubt.BEYOND_SAMPLING
     others = [other for other in fit.axis.effects if other is not item]
     if any(same_wave(balance, fit.axis, item, other) for other in others):
         return Doubt.TWICE
@@ -74,6 +78,18 @@ def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt
         or _out_of_range(balance, base, item)
         or _unlike_physics(balance, fit, item, base)
     )
+
+
+def _beyond_sampling(balance: TorqueBalance, item: Instance) -> bool:
+    """Whether an effect's frequency, or the corner of its lag, is above half the rate of new samples.
+
+    What such a mode, contact or lag does below it is no more than what hold and stamps of the log may do as well.
+    """
+    found = [p for p in item.term.parameters if p.role is Role.SHAPE and item.values[p.name] != p.default]
+    rates = [item.values[p.name] for p in found if p.unit == "Hz"]
+    if item.term.filters and not item.term.alignment:
+        rates += [1.0 / (2.0 * math.pi * max(item.values[p.name], TINY)) for p in found if p.unit == "s"]
+    return any(rate >= balance.data.nyquist for rate in rates)
 
 
 def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
