@@ -151,7 +151,7 @@ class _Conclusion:
             next_experiment=self._experiment(found, floor),
             limits=lines,
             timing=timing,
-            axis_file=_with_timing(self.file.with_axis(replace(fit.axis, lateness=0.0)), timing),
+            axis_file=_with_timing(self.file.with_axis(_in_step(fit.axis)), timing),
             evidence=evidence_of(
                 self.balance,
                 fit,
@@ -303,6 +303,11 @@ class _Conclusion:
                 if experiment is not None:
                     return experiment
         return None
+
+
+def _in_step(axis: Axis) -> Axis:
+    """The axis of a fit without what is the log's."""
+    return replace(axis, lateness=0.0) if axis.lateness else axis
 
 
 def _with_timing(file: AxisFile, timing: Sequence[TorqueActs]) -> AxisFile:
