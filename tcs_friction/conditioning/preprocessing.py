@@ -25,7 +25,7 @@ from tcs_friction.conditioning.bands import Bands, bands, usual_spacing, visible
 from tcs_friction.conditioning.checks import check
 from tcs_friction.conditioning.data_set import MOVING, DataSet, Stretch
 from tcs_friction.conditioning.filters import low_pass
-from tcs_friction.conditioning.hold import LoggedTorque, fresh, logged, stale_stride
+from tcs_friction.conditioning.hold import Between, fresh, logged, stale_stride
 from tcs_friction.conditioning.rest import unknown_friction
 from tcs_friction.conditioning.sampling import jitter, resampled
 from tcs_friction.conditioning.timing import LogTiming, log_timing
@@ -44,7 +44,7 @@ PAUSE = 3.0  # usual times between samples: no line through what came before and
 NO_TEMPERATURE = 20.0  # degC, where none was recorded
 
 Segment = tuple[int, slice]  # number of the recording, samples of it
-Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, reference or NaN, temperature, signals (3 + s, n)
+Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, reference or NaN, torque, temperature, signals (4 + s, n)
 
 
 def prepare(
@@ -70,11 +70,7 @@ def prepare(
     spacing = usual_spacing(times)
     band = bands([values[0] for _, values in series], period, spacing)
     timings = [log_timing(r) for r in recordings] if timings is None else timings
-    torques = [logged(*recordings[k].logged(s)) for k, s in segments]
-    parts = [
-        _filtered(one, torque, timings[k].acts, period, band)
-        for one, torque, (k, _) in zip(series, torques, segments, strict=True)
-    ]
+    parts = [_filtered(one, recordings[k], s, timings[k], period, band) for one, (k, s) in zip(series, segments, strict=True)]
     dt = band.step * band.stride * period
     pauses = _pauses(times, spacing, _edge(band))
     if not at_rest:
@@ -137,15 +133,23 @@ def _even(r: Recording, kept: NDArray[np.intp], period: float) -> Series:
     """Samples of one segment at even steps; what is even already stays as it is."""
     temperature = np.full(len(r), NO_TEMPERATURE) if r.temperature is None else r.temperature
     reference = np.full(len(r), np.nan) if r.reference is None else r.reference
-    t, values = r.t[kept], np.array([r.position, reference, temperature, *r.exogenous.values()])[:, kept]
+    t, values = r.t[kept], np.array([r.position, reference, r.torque, temperature, *r.exogenous.values()])[:, kept]
     return (t, values) if np.max(jitter(t, 1.0 / period)) < EVEN else resampled(t, values, 1.0 / period)
 
 
-def _filtered(series: Series, torque: LoggedTorque, acts: float, period: float, band: Bands) -> dict[str, np.ndarray]:
-    """Motion, torque and signals of one stretch at the samples that are evaluated; acts: s after its stamp, of the torque."""
-    t, (position, reference, *signals) = series
+def _filtered(
+    series: Series, recording: Recording, segment: slice, timing: LogTiming, period: float, band: Bands
+) -> dict[str, np.ndarray]:
+    """Motion, torque and signals of one stretch at the samples that are evaluated.
+
+    A held torque is what its hold makes of it, a momentary one passes the filter as the position does.
+    """
+    t, (position, reference, torque, *signals) = series
     q, v, a = low_pass(position, period, band.motion, 2)
-    u = torque.low_passed(t, period, band.motion, acts)
+    if timing.between is Between.HELD:
+        u = logged(*recording.logged(segment)).low_passed(t, period, band.motion, timing.acts)
+    else:
+        u = low_pass(torque, period, band.motion)[0]
     others = [low_pass(x, period, band.motion)[0] for x in signals]
     columns = {"t": t, "position": q, "velocity": v, "acceleration": a, "torque": u}
     if np.isfinite(reference).all():

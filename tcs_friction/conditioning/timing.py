@@ -3,6 +3,10 @@
 A drive renews its torque every so often. Where nobody says which end of that time a stamp is, a logged value begins to act
 anywhere from one renewal before its stamp to the stamp: that is a nuisance of the recording, and no physics. Beyond it a log is
 late (the value acted before), or early, which a delay of the drive cannot be told from.
+
+Of what is held, the middle is half a renewal before the stamp or after it; a momentary value of a torque that changes more often
+than it is logged is its own middle. Where nobody says which it is, values are taken for momentary unless the fit has their middle
+nearer to one of a hold's, or the log itself repeats each.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tcs_friction.conditioning.hold import stale_stride
+from tcs_friction.conditioning.hold import Between, stale_stride
 from tcs_friction.recording.recording import Recording
 
 
@@ -22,13 +26,14 @@ class LogTiming:
 
     acts: s after its stamp at which a logged value begins to act; where that is not stated, the middle of what is possible.
     leeway: s by which that may be sooner or later, 0 where it is stated. own_clock: the torque has stamps of its own. source: of
-    the recording.
+    the recording. between: what the torque does between logged values.
     """
 
     acts: float
     leeway: float
     own_clock: bool = False
     source: str = "recording"
+    between: Between = Between.HELD
 
     @property
     def stated(self) -> bool:
@@ -68,19 +73,23 @@ class TorqueActs:
         if not self.determined:
             within = f"anywhere within {2e3 * self.timing.leeway:.3g} ms before its stamp is possible"
             return f"when the torque acts is not told: {within}"
-        line = f"the logged torque begins to act {acts:.3g} ± {std:.2g} ms after its stamp"
+        if self.timing.between is Between.LINE:
+            return f"the logged torque is momentary and acts {acts + 1e3 * self.timing.leeway:.3g} ± {std:.2g} ms after its stamp"
+        line = f"the logged torque is held and begins to act {acts:.3g} ± {std:.2g} ms after its stamp"
         return line if self.usual else f"{line}, which is outside what stamps usually mean: the log is out of step"
 
 
 def log_timing(recording: Recording) -> LogTiming:
-    """The timing of a recording's torque, as stated or as far as conventions allow."""
+    """The timing of a recording's torque, as stated or as far as conventions allow.
+
+    Momentary values act at their stamps, in the middle of what is possible.
+    """
     own = recording.torque_log is not None
     if recording.acts is not None:
         return LogTiming(recording.acts, 0.0, own, recording.source)
-    half = 0.5 * max(_renewal(*recording.logged(part)) for part in recording.segments if part.stop - part.start > 1)
-    return LogTiming(-half, half, own, recording.source)
-
-
-def _renewal(stamps: np.ndarray, values: np.ndarray) -> float:
-    """Usual time (s) between torques that are new."""
-    return float(np.median(np.diff(stamps))) * stale_stride(values)
+    parts = [part for part in recording.segments if part.stop - part.start > 1]
+    logs = [recording.logged(part) for part in parts]
+    strides = [stale_stride(values) for _, values in logs]
+    half = 0.5 * max(stride * float(np.median(np.diff(t))) for (t, _), stride in zip(logs, strides, strict=True))
+    repeated = max(strides) > 1 or any(stale_stride(recording.position[part]) > 1 for part in parts)
+    return LogTiming(-half, half, own, recording.source, Between.HELD if repeated else Between.LINE)

@@ -37,7 +37,7 @@ from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.maps import remaining_structure
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
-from tcs_friction.diagnose.search.late_log import out_of_step
+from tcs_friction.diagnose.search.late_log import as_timed, out_of_step
 from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory, shows_bristles
 from tcs_friction.diagnose.search.rivals import contested
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
@@ -78,7 +78,9 @@ def diagnose(
 
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
-    late = out_of_step(balance, retuned, partial(_prepared, recordings, file.axis))
+    prepared = partial(_prepared, recordings, file.axis)
+    balance, retuned = as_timed(balance, retuned, prepared)
+    late = out_of_step(balance, retuned, prepared)
     explained = _explained(recordings, file.axis, balance, retuned, progress)
     if late is not None:
         explained = _likelier(explained, _explained(recordings, file.axis, *late, progress))

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tcs_friction.conditioning.hold import Between
 from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.dataset.coordinates import unit_of
@@ -311,9 +312,10 @@ def _in_step(axis: Axis) -> Axis:
 
 
 def _with_timing(file: AxisFile, timing: Sequence[TorqueActs]) -> AxisFile:
-    """The file with when the logged torque acts, where that was found and is the same in all recordings."""
-    found = {one.acts for one in timing if one.determined and not one.timing.stated}
-    if len(found) != 1 or file.signals is None or not all(one.determined for one in timing):
+    """The file with when the logged torque acts, where it is held, that was found, and it is the same in all recordings."""
+    held = [one for one in timing if one.determined and one.timing.between is Between.HELD]
+    found = {one.acts for one in held if not one.timing.stated}
+    if len(found) != 1 or file.signals is None or len(held) < len(timing):
         return file
     torque = replace(file.signals.torque, acts=round(found.pop(), 9))
     return replace(file, signals=replace(file.signals, torque=torque))
