@@ -143,9 +143,11 @@ def summary(found: Diagnosis) -> str:
         other = f"; or {', '.join(entry['equivalent'])}" if entry["equivalent"] else ""
         size = f"{entry['torque_rms']:9.3g} {unit} rms  {entry['probability']:5.0%}"
         lines.append(f"  {entry['effect']:28} {size}  {values}{other}")
-    if content["described"]:
-        names = ", ".join(f"{entry['effect']} ({entry['torque_rms']:.3g} {unit} rms)" for entry in content["described"])
-        lines.append(f"  described, not established: {names}")
+    for entry in content["described"]:
+        why = "; ".join(one["words"] for one in entry["refused"])
+        lines.append(f"  described: {entry['effect']}, {entry['torque_rms']:.3g} {unit} rms: {why}")
+    for entry in content["refused"]:
+        lines.append(f"  not taken: {entry['effect']}: {entry['words']} ({entry['question']} No.)")
     fit, free, loop = content["fit"], content["free_run"], content["closed_loop"]
     head = f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:.3g} s, {position} rms"
     lines.append(head + ("   closed loop" if loop else ""))

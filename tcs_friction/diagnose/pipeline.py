@@ -26,6 +26,7 @@ from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.conditioning.timing import LogTiming
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.dataset.excitation import barred, lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
@@ -37,10 +38,12 @@ from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.maps import remaining_structure
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
+from tcs_friction.diagnose.rules import Refusal, Refused, Rule
 from tcs_friction.diagnose.search.late_log import as_timed, out_of_step
 from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory, shows_bristles
 from tcs_friction.diagnose.search.rivals import contested
 from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
+from tcs_friction.diagnose.search.start import kind_of
 from tcs_friction.diagnose.search.stepwise import (
     Progress,
     Selection,
@@ -121,7 +124,7 @@ def _explained(
 
     progress(0.75, "looking for structure that remains")
     left = remainder(selection.base, selection.chosen)
-    if left.instead is None:
+    if left.instead is None and rules.SPECTRUM.asked:
         left = remainder(selection.base, beyond_remaining_spectrum(balance, selection.chosen, retuned))
     return balance, _explanation(balance, believed, selection, left, progress)
 
@@ -240,10 +243,21 @@ def _explanation(
 ) -> Explanation:
     """The map that stands for all effects, or the effects after their contests with a map for the rest."""
     if left.instead is not None:
-        return Explanation(selection.retuned, selection.retuned, left.instead.fit, left.instead.structure, selection.rounds)
+        over = " and ".join(left.instead.structure.coordinates)
+        dropped = _dropped(selection, left.instead.fit, rules.MAP_INSTEAD, f"a map over {over} does as well as all of them")
+        fits = selection.retuned, selection.retuned, left.instead.fit
+        return Explanation(*fits, left.instead.structure, selection.rounds, dropped=dropped)
     chosen, lacking = lacks(balance, left.fit, believed)
     kept = Selection(selection.retuned, selection.base, chosen, selection.rounds)
     fit, contests = contested(balance, kept, progress)
     structure = left.structure if fit is left.fit else remaining_structure(balance, fit, fit.noise)
     improved = fit if structure is None else with_map(balance, fit, structure)
-    return Explanation(selection.retuned, fit, improved, structure, selection.rounds, contests, lacking)
+    dropped = _dropped(selection, left.fit, rules.SPECTRUM, "what remains may explain it by chance")
+    return Explanation(selection.retuned, fit, improved, structure, selection.rounds, contests, lacking, dropped)
+
+
+def _dropped(selection: Selection, kept: Fit, rule: Rule, words: str) -> tuple[Refused, ...]:
+    """The effects that a search found and that are not in the fit that was kept, refused by a rule."""
+    identities = {item.identity for item in kept.axis.effects}
+    gone = [kind_of(item).words for item in selection.found if item.identity not in identities]
+    return tuple(Refused(name, Refusal(rule, words)) for name in dict.fromkeys(gone))

@@ -67,9 +67,9 @@ def write_report(
         parts.append(
             section(
                 "What predicts, but is not established",
-                "These predict torque. They do not come back with the same size, or are no larger than what remains: "
-                "they may be parts of something that is not in the vocabulary.",
+                "These predict torque, and a rule refused their names: they may be parts of what is not in the vocabulary.",
                 _effects_table(diagnosis["described"], evidence),
+                _refusals_table(diagnosis["described"]),
                 *map(picture, effects if not diagnosis["effects"] else ()),
             )
         )
@@ -77,6 +77,9 @@ def write_report(
         remains = draw_map(evidence.learned, evidence.torque_unit)
         effects.append(remains)
         parts.append(section("What nothing in the vocabulary explains", picture(remains)))
+    if diagnosis["refused"]:
+        rows = [[one["effect"], one["question"], one["words"]] for one in diagnosis["refused"]]
+        parts.append(section("What no rule let in", table(["effect", "no was the answer to", "numbers"], rows)))
     if evidence.runners_up:
         rows = [[r.effect, f"{r.score:.3g}", r.reason] for r in evidence.runners_up]
         head = ["hypothesis", "gain (chi-squared)", "why it lost"]
@@ -161,6 +164,11 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
 
 def _digits(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"
+
+
+def _refusals_table(described: Sequence[Mapping[str, Any]]) -> Html:
+    rows = [[entry["effect"], one["question"], one["words"]] for entry in described for one in entry["refused"]]
+    return table(["effect", "no was the answer to", "numbers"], rows)
 
 
 def _effects_table(found: Sequence[Mapping[str, Any]], evidence: Evidence) -> Html:

@@ -17,6 +17,7 @@ from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.rules import TOO_SMALL, Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
@@ -59,8 +60,7 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         0.4,
         0.1,
         -50.0,
-        Agreement(1.0, 0.01, 12, 0.99),
-        True,
+        Agreement(1.0, 0.01, 12, 1.0, 0.1),
     )
     return Diagnosis(
         "missing_physics",
@@ -78,6 +78,8 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         (),
         experiment,
         (),
+        (),
+        (Refused("backlash", Refusal(TOO_SMALL, "it would gain 50", {"gain": 50.0})),),
         file.with_axis(file.axis.with_effect(BIAS)),
         Evidence(t, noise + 0.5, noise + 0.4, noise, t > 8.0),
     )

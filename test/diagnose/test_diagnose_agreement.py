@@ -46,7 +46,7 @@ def test_pieces_that_differ_by_noise_alone_are_weighted_by_it() -> None:
 def test_too_few_pieces_say_nothing_of_a_scatter() -> None:
     assert random_effects(np.array([1.0, 1.1]), np.array([0.1, 0.1]))[1] == math.inf
     assert random_effects(np.zeros(0), np.zeros(0)) == (0.0, math.inf)
-    assert Agreement(1.0, math.inf, FEWEST_PIECES - 1, 1.0).probability == 1.0
+    assert Agreement(1.0, math.inf, FEWEST_PIECES - 1, 1.0, 0.0).probability == 1.0
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_too_few_pieces_say_nothing_of_a_scatter() -> None:
 def test_a_name_is_probable_if_the_effect_comes_back_and_outweighs_what_is_left(
     multiple: float, deviation: float, explained: float, lowest: float, highest: float
 ) -> None:
-    assert lowest <= Agreement(multiple, deviation, 12, explained).probability <= highest
+    assert lowest <= Agreement(multiple, deviation, 12, math.sqrt(explained), math.sqrt(1.0 - explained)).probability <= highest
 
 
 def test_an_effect_that_is_there_agrees_and_one_that_is_not_does_not() -> None:
@@ -152,7 +152,8 @@ def test_what_little_held_out_data_have_by_chance_is_not_left() -> None:
         bias = instance(effect("torque_bias"), {"bias": 0.12})
         residuals = [balance.residual(x, retuned.noise) for x in (axis(), axis().with_effect(bias))]
         floor = noise_floor(balance, residuals[1])
-        assert _explained(balance, *residuals, balance.held_out, 1.0, floor) > 0.85, seed
+        gone, left = _explained(balance, *residuals, balance.held_out, 1.0, floor)
+        assert gone**2 > 0.85 * (gone**2 + left**2), seed
 
 
 def explained(item: Instance, torque: Torque) -> float:

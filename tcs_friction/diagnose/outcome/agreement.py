@@ -55,22 +55,34 @@ LEAST_LEFT = 2e-3  # of the noise power, that nobody would see: what one name ou
 class Agreement:
     """What independent pieces of the data say of an effect.
 
-    multiple, deviation: of the fitted torque in independent pieces, mean and its standard error. pieces: how many. explained:
-    share of the power that was not explained without the effect, beyond noise, of held-out data or of all, the smaller one.
+    multiple, deviation: of the fitted torque in independent pieces, mean and its standard error. pieces: how many. gone, left:
+    torque that it takes away, and what is left beyond noise and could be the same, N m rms, of held-out data or of all, where
+    it explains less.
     """
 
     multiple: float
     deviation: float
     pieces: int
-    explained: float
+    gone: float
+    left: float
+
+    @property
+    def explained(self) -> float:
+        """Share of the power that was not explained without the effect."""
+        return self.gone**2 / max(self.gone**2 + self.left**2, 1e-300)
+
+    @property
+    def comes_back(self) -> float:
+        """Probability that independent pieces have it, too."""
+        if self.pieces < FEWEST_PIECES:
+            return 1.0
+        t = self.multiple / max(self.deviation, 1e-300)
+        return 1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1))
 
     @property
     def probability(self) -> float:
         """That the effect is there, by agreement and by what it leaves."""
-        if self.pieces < FEWEST_PIECES:
-            return self.explained
-        t = self.multiple / max(self.deviation, 1e-300)
-        return self.explained * (1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1)))
+        return self.explained * self.comes_back
 
 
 def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance) -> Agreement:
@@ -100,8 +112,8 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
     mean, deviation = random_effects(multiples, variances)
     floor = noise_floor(balance, after)
     share = _share_that_it_could_be(balance, fit.axis, item, after, floor)
-    explained = min(_explained(balance, before, after, where, share, floor) for where in (judging, usable))
-    return Agreement(mean, deviation, int(seen.sum()), explained)
+    of_torque = [_explained(balance, before, after, where, share, floor) for where in (judging, usable)]
+    return min((Agreement(mean, deviation, int(seen.sum()), *one) for one in of_torque), key=lambda one: one.explained)
 
 
 def _share_that_it_could_be(
@@ -191,8 +203,8 @@ def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, fl
 
 def _explained(
     balance: TorqueBalance, before: np.ndarray, after: np.ndarray, where: np.ndarray, share: float, floor: float
-) -> float:
-    """Share that is gone of the power beyond noise, from residuals (n,) at some samples, `where` (n,).
+) -> tuple[float, float]:
+    """Torque that is gone and that is left beyond noise, N m rms, from residuals (n,) at some samples, `where` (n,).
 
     What noise alone has in so few samples by chance is not left. share: of what is left, that the effect could be a part of.
     floor: of the noise in what is left, N m rms.
@@ -201,4 +213,4 @@ def _explained(
     independent = np.count_nonzero(where) * min(1.0, 2.0 * balance.data.cutoff * balance.data.dt)
     by_chance = BY_CHANCE * math.sqrt(2.0 / independent)  # a chi-squared over its mean
     left = max(share * (rms(after[where]) ** 2 - (1.0 + FLOOR_ERROR + by_chance) * floor**2), LEAST_LEFT * floor**2)
-    return gone / (gone + left)
+    return math.sqrt(gone), math.sqrt(left)

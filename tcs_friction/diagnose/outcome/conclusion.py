@@ -17,6 +17,7 @@ import numpy as np
 from tcs_friction.conditioning.hold import Between
 from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.dataset.excitation import limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
@@ -38,6 +39,7 @@ from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
 from tcs_friction.diagnose.outcome.statement import statement
+from tcs_friction.diagnose.rules import Refusal
 from tcs_friction.diagnose.search.late_log import torque_acts
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.outcome import Outcome
@@ -112,11 +114,11 @@ class _Conclusion:
         every = found_effects(self.balance, self.explanation, believed, floor)
         horizon = telling_horizon(data, axes["improved"], axes["retuned"])
         free, loop = _Moved.of(partial(window_errors, data, horizon=horizon), axes), self._followed(axes)
-        worse_in_all = self._effects_predict_worse()
-        established = tuple(one for one in every if one.established and not worse_in_all)
-        worse = self._with_which_it_moves_worse(established, [free, *([loop] if loop else [])])
-        found = tuple(one for one in established if one not in worse)
-        described = tuple(one for one in every if one not in found)
+        every = tuple(one.unless(self._effects_predict_worse()) for one in every)
+        every = self._moving(every, [free, *([loop] if loop else [])])
+        worse = tuple(one for one in every if any(refusal.rule in (rules.MOVES, rules.BELIEVED_BEST) for refusal in one.refused))
+        found = tuple(one for one in every if one.established)
+        described = tuple(one for one in every if not one.established)
         unexplained = self._unexplained(errors, floor, described)
         constant = self._left_by_a_constant(errors)
         if not (found or unexplained.present) and (constant is not None or _retuning_fails(errors, floor)):
@@ -152,6 +154,7 @@ class _Conclusion:
             next_experiment=self._experiment(found, floor),
             limits=lines,
             timing=timing,
+            refused=self.explanation.refused,
             axis_file=_with_timing(self.file.with_axis(_in_step(fit.axis)), timing),
             evidence=evidence_of(
                 self.balance,
@@ -166,10 +169,16 @@ class _Conclusion:
             ),
         )
 
-    def _effects_predict_worse(self) -> bool:
-        """Whether the held-out residual is larger with all effects than without any, by more than a floor is known to."""
-        retuned, improved = (self._errors(self._residual(x.axis)) for x in (self.explanation.retuned, self.explanation.unmapped))
-        return improved.held_out > (1.0 + FLOOR_ERROR) * retuned.held_out
+    def _effects_predict_worse(self) -> Refusal | None:
+        """Where the held-out residual is larger with all effects than without any, by more than a floor is known to."""
+        retuned, improved = (
+            self._errors(self._residual(x.axis)).held_out for x in (self.explanation.retuned, self.explanation.unmapped)
+        )
+        if improved <= (1.0 + FLOOR_ERROR) * retuned or not rules.ALL_PREDICT.asked:
+            return None
+        unit = unit_of("torque", self.file.axis)
+        words = f"all effects together predict held-out data worse than none: {improved:.2g} {unit} against {retuned:.2g}"
+        return Refusal(rules.ALL_PREDICT, words, {"with": improved, "without": retuned})
 
     def _followed(self, axes: Mapping[str, Axis]) -> _Moved | None:
         """How the axes move in the closed loop; None without one, or where none of them predicts what was recorded of it."""
@@ -177,24 +186,34 @@ class _Conclusion:
         followed = _Moved.of(loop.errors, axes) if loop is not None else None
         return followed if loop and followed and any(map(loop.predicts, followed.errors.values())) else None
 
-    def _with_which_it_moves_worse(self, found: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
-        """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not.
+    def _moving(self, every: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
+        """The effects, those among named ones refused with which a simulation moves worse than retuned, and not without them.
 
         Where it moves worse collisions are always among them: none comes at its exact time, and the torque that they leave counts
         as their own, so that only a better motion proves them. Where the believed axis moves best all of them are: beside numbers
         that were led astray nothing is proven.
         """
-        if any(proof.believed_is_best for proof in proofs):
-            return tuple(found)
+        best = [proof for proof in proofs if proof.believed_is_best] if rules.BELIEVED_BEST.asked else []
+        if best:
+            refusal = Refusal(rules.BELIEVED_BEST, "the axis as believed moves better than it does retuned", best[0].typical())
+            return tuple(one.unless(refusal) if one.established else one for one in every)
         explanation = self.explanation
-        worse = [proof for proof in proofs if found and proof.improved_is_worse]
-        if explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
+        worse = [proof for proof in proofs if proof.improved_is_worse] if rules.MOVES.asked else []
+        if worse and explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
             worse = [proof for proof in worse if proof.worse(explanation.unmapped.axis)]
 
         def at_fault(item: Instance) -> bool:
             return item.term.collides or any(not proof.worse(explanation.without(item).axis) for proof in worse)
 
-        return tuple(one for one in found if worse and at_fault(one.instance))
+        def judged_by(one: Found) -> Refusal | None:
+            if not (worse and one.established and at_fault(one.instance)):
+                return None
+            errors = worse[0].typical()
+            unit = unit_of("position", self.file.axis)
+            words = f"a simulation moves worse with it: {errors['improved']:.2g} {unit} rms against {errors['retuned']:.2g}"
+            return Refusal(rules.MOVES, words, errors)
+
+        return tuple(one.unless(judged_by(one)) for one in every)
 
     def _left_by_a_constant(self, errors: Mapping[str, Errors]) -> float | None:
         """What a constant torque leaves of the logged one in held-out data, where every axis leaves far more; else None."""

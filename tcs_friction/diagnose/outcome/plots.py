@@ -123,7 +123,7 @@ def _runners_up(
 
 def _words(kinds: Sequence[Kind]) -> str:
     """Effects with the signals they act through."""
-    return " and ".join(kind.effect + (f" from {kind.signal}" if kind.signal else "") for kind in kinds)
+    return " and ".join(kind.words for kind in kinds)
 
 
 def where(item: Instance, axis: Axis) -> dict[str, Any]:

@@ -9,21 +9,24 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tcs_friction.diagnose import rules
+from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE
 from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
-from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, agreement_on, judged
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, Agreement, agreement_on, judged
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.other_form import gain_in_other_forms
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
 from tcs_friction.diagnose.remainder.remainder import CANCELLED, COMPLETE
+from tcs_friction.diagnose.rules import Refusal
 from tcs_friction.diagnose.search.harmonics import added_effects
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.matched_filter import in_step
@@ -51,10 +54,10 @@ def found_effects(balance: TorqueBalance, explanation: Explanation, believed: Ax
     items = [item for item in added_effects(proof.fit.axis, believed) if not item.term.tabulated]
     found = [*map(proof.found, items), *map(proof.lacked, explanation.lacks)]
     if rms(proof.residual(proof.fit.axis)[balance.train]) > COMPLETE * floor:
-        found = [replace(one, established=one.established and not proof.cancelled(one.instance)) for one in found]
-    found = [replace(one, established=one.established and not proof.in_the_mean_of_a_signal(one, found)) for one in found]
+        found = [one.unless(proof.cancelled(one.instance)) for one in found]
+    found = [one.unless(proof.in_the_mean_of_a_signal(one, found)) for one in found]
     named = [one for one in found if one.established]
-    found = [replace(one, established=one.established and not proof.outshone(one, named, max(floor, left))) for one in found]
+    found = [one.unless(proof.outshone(one, named, max(floor, left))) for one in found]
     return tuple(sorted(found, key=lambda one: -one.torque_rms))
 
 
@@ -92,30 +95,42 @@ class _Proof:
         count = max(len(fit.free) - len(lack.without.free), 1)
         return self._proven(item, (), self._parameters_of_law(lack), self._size(item), lack.gain, count)
 
-    def outshone(self, one: Found, named: Sequence[Found], left: float) -> bool:
-        """Whether an effect is within what is left (N m) and small beside a named one, which does the same in another form.
+    def outshone(self, one: Found, named: Sequence[Found], left: float) -> Refusal | None:
+        """Where an effect is within what is left (N m) and small beside a named one, which does the same in another form.
 
         A wave whose amplitude changes in the turn has others on either side of it; at steady speed they are vibrations, or ring.
         What acts through a signal acts in its mean, too.
         """
-        if one.torque_rms >= left:
-            return False
-        item, larger = one.instance, [other.instance for other in named if _far_larger(other, one)]
+        item, larger = one.instance, [other for other in named if _far_larger(other, one)]
+        if one.torque_rms >= left or not larger or not rules.OUTSHONE.asked:
+            return None
         swings = item.term.periodic or item.term.place is Place.BODY
-        if any(other.signals or (other.term.periodic and swings) for other in larger):
-            return True
-        return bool(larger) and self._done_in_another_form(item, larger)
+        others = [other.instance for other in larger]
+        like = any(other.signals or (other.term.periodic and swings) for other in others)
+        if not (like or self._done_in_another_form(item, others)):
+            return None
+        largest = max(larger, key=lambda other: other.torque_rms)
+        words = f"{largest.instance.term.words} in another form may do it: {self._measured(largest.torque_rms, one.torque_rms)}"
+        return Refusal(rules.OUTSHONE, words, {"own": one.torque_rms, "larger": largest.torque_rms, "left": left})
 
-    def in_the_mean_of_a_signal(self, one: Found, found: Sequence[Found]) -> bool:
-        """Whether a torque over the position may be what acts through a recorded signal, which has another size at every place.
+    def in_the_mean_of_a_signal(self, one: Found, found: Sequence[Found]) -> Refusal | None:
+        """Where a torque over the position may be what acts through a recorded signal, which has another size at every place.
 
         Wind on a panel that turns is gravity in the mean. What acts through the signal does then in another form what that torque
         does, or is larger and itself not established.
         """
         others = [other for other in found if other.instance.signals] if one.instance.term.slow_over_position else []
-        if any(one.torque_rms < other.torque_rms for other in others if not other.established):
-            return True
-        return bool(others) and self._done_in_another_form(one.instance, [other.instance for other in others])
+        if not others or not rules.SIGNAL_MEAN.asked:
+            return None
+        smaller = any(one.torque_rms < other.torque_rms for other in others if not other.established)
+        if not (smaller or self._done_in_another_form(one.instance, [other.instance for other in others])):
+            return None
+        words = f"it may be the mean of {others[0].instance.term.words}: {self._measured(others[0].torque_rms, one.torque_rms)}"
+        return Refusal(rules.SIGNAL_MEAN, words, {"own": one.torque_rms, "of_signal": others[0].torque_rms})
+
+    def _measured(self, one: float, other: float) -> str:
+        """One torque against another, N m rms, in words."""
+        return f"{one:.2g} {unit_of('torque', self.fit.axis)} against {other:.2g}"
 
     def _done_in_another_form(self, item: Instance, larger: Sequence[Instance]) -> bool:
         """Whether another effect in another form than its term has gains nearly as much as one that is left out."""
@@ -147,10 +162,11 @@ class _Proof:
         before, after = self.residual(alone.axis), self.residual(fit.axis)
         held = judged(self.balance, fit.axis)
         penalty = count * math.log(self.balance.samples.effective_count)
-        certainty = 1.0 - 0.5 * math.exp(-min(max(0.5 * (gain - penalty), 0.0), LARGEST_EXPONENT))
         agreement = agreement_on(self.balance, fit, alone, item)
-        certainty *= agreement.explained if item.term.collides else agreement.probability  # collisions scatter between pieces
+        shares = self._shares(item, agreement, gain - penalty)
+        certainty = math.prod(share for share, _ in shares)
         left = rms(before[held]), rms(after[held])
+        doubts = (self._predicts_worse(*left), _not_resolved(item, parameters), self._echo(item, size))
         return Found(
             instance=item,
             equivalent=equivalent,
@@ -162,28 +178,58 @@ class _Proof:
             after=left[1],
             delta_bic=penalty - gain,
             agreement=agreement,
-            established=certainty >= NAMED
-            and left[1] <= (1.0 + FLOOR_ERROR) * left[0]
-            and _resolved(item, parameters)
-            and not self._echoes(item, size),
+            refused=(*_below_named(shares), *filter(None, doubts)),
         )
 
-    def cancelled(self, item: Instance) -> bool:
-        """Whether others take away most of an effect's torque: where the model is wrong otherwise, only their sum is known."""
+    def _shares(self, item: Instance, agreement: Agreement, beyond: float) -> list[tuple[float, Refusal]]:
+        """The probabilities whose product is that of a name, each with what refuses the name where it is small.
+
+        beyond: gain beyond chance. Collisions scatter between pieces, so that they need not come back with the same size.
+        """
+        by_chance = Refusal(rules.BEYOND_CHANCE, f"chance may give its gain, which is {beyond:.3g} beyond it", {"beyond": beyond})
+        deviation = agreement.deviation if math.isfinite(agreement.deviation) else 0.0
+        again = f"{agreement.multiple:.2f} ± {deviation:.2f} of it comes back in {agreement.pieces:.3g} pieces of the data"
+        back = {"multiple": agreement.multiple, "std": deviation, "pieces": float(agreement.pieces)}
+        could = f"what is left could be it: {self._measured(agreement.left, agreement.gone)}"
+        shares = [
+            (1.0 - 0.5 * math.exp(-min(max(0.5 * beyond, 0.0), LARGEST_EXPONENT)), by_chance),
+            (1.0 if item.term.collides else agreement.comes_back, Refusal(rules.COMES_BACK, again, back)),
+            (agreement.explained, Refusal(rules.LEFT, could, {"left": agreement.left, "own": agreement.gone})),
+        ]
+        return [(share if refusal.rule.asked else 1.0, refusal) for share, refusal in shares]
+
+    def _predicts_worse(self, before: float, after: float) -> Refusal | None:
+        """Where held-out residuals without and with an effect, N m rms, say that it predicts worse."""
+        if after <= (1.0 + FLOOR_ERROR) * before or not rules.PREDICTS.asked:
+            return None
+        words = f"held-out data are predicted worse with it: {self._measured(after, before)}"
+        return Refusal(rules.PREDICTS, words, {"with": after, "without": before})
+
+    def cancelled(self, item: Instance) -> Refusal | None:
+        """Where others take away most of an effect's torque: where the model is wrong otherwise, only their sum is known."""
         items = [one for one in self.fit.axis.effects if one is not item]
-        if item not in self.fit.axis.effects or not items:
-            return False
+        if item not in self.fit.axis.effects or not items or not rules.CANCELLED.asked:
+            return None
         torques = np.stack([own_torque(self.balance, self.fit, one)[self.balance.train] for one in (item, *items)])
         gram = torques @ torques.T
         sums = (np.array([1.0, *chosen]) for chosen in itertools.product((0.0, 1.0), repeat=len(items)))
-        return any(float(one @ gram @ one) < CANCELLED * gram[0, 0] for one in sums)
+        least = min(float(one @ gram @ one) for one in sums)
+        if least >= CANCELLED * gram[0, 0]:
+            return None
+        own, summed = (math.sqrt(max(power, 0.0) / torques.shape[1]) for power in (gram[0, 0], least))
+        words = f"others take most of it away, and only their sum is known: {self._measured(summed, own)}"
+        return Refusal(rules.CANCELLED, words, {"own": own, "sum": summed})
 
-    def _echoes(self, item: Instance, size: float) -> bool:
-        """Whether an effect is so small beside another like it that it may be what the other's form does not meet.
+    def _echo(self, item: Instance, size: float) -> Refusal | None:
+        """Where an effect is so small beside another like it that it may be what the other's form does not meet.
 
         Alike are waves over the position of one order, and scales of friction along one coordinate. size: its torque, N m rms.
         """
-        return any(size < ECHO * self._size(one) for one in self.fit.axis.effects if self._alike(item, one))
+        largest = max((self._size(one) for one in self.fit.axis.effects if self._alike(item, one)), default=0.0)
+        if size >= ECHO * largest or not rules.ECHO.asked:
+            return None
+        words = f"the form of a larger one like it may not be met: {self._measured(largest, size)}"
+        return Refusal(rules.ECHO, words, {"own": size, "larger": largest})
 
     def _alike(self, item: Instance, other: Instance) -> bool:
         if other is item or other.term.tabulated:
@@ -256,10 +302,23 @@ def _far_larger(other: Found, one: Found) -> bool:
     return other is not one and one.torque_rms < share * other.torque_rms
 
 
-def _resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Whether one of the numbers that an effect's torque is proportional to is told from zero."""
-    sizes = [parameters[p.name] for p in item.term.parameters if p.role is Role.LINEAR and p.name in parameters]
-    return not sizes or any(abs(size["value"]) > RESOLVED * size["std"] for size in sizes)
+def _below_named(shares: Sequence[tuple[float, Refusal]]) -> list[Refusal]:
+    """What refuses a name whose probability is a product of shares: each that is too small alone, or else the smallest."""
+    if math.prod(share for share, _ in shares) >= NAMED:
+        return []
+    alone = [refusal for share, refusal in shares if share < NAMED]
+    return alone or [min(shares, key=lambda one: one[0])[1]]
+
+
+def _not_resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -> Refusal | None:
+    """Where none of the numbers that an effect's torque is proportional to is told from zero."""
+    names = [p.name for p in item.term.parameters if p.role is Role.LINEAR and p.name in parameters]
+    told = any(abs(parameters[name]["value"]) > RESOLVED * parameters[name]["std"] for name in names)
+    if told or not names or not rules.SIZE_TOLD.asked:
+        return None
+    value, std = (float(parameters[names[0]][key]) for key in ("value", "std"))
+    words = f"its {names[0]} is not told from zero: {value:.2g} ± {std:.2g}"
+    return Refusal(rules.SIZE_TOLD, words, {"value": value, "std": std})
 
 
 def _deviations(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
+from tcs_friction.diagnose.rules import Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Instance
 
@@ -34,7 +35,7 @@ class Found:
     equivalent: kinds of effects that these data cannot tell from it, best first. parameters: name -> value, std, unit.
     torque_rms: of the effect over the recording, N m. before, after: held-out rms of the torque residual without and with it,
     the rest refitted. delta_bic: negative is better. agreement: of independent pieces of the data about it.
-    established: whether it is named; what is not is described.
+    refused: by which rules it is not named, but described.
     """
 
     instance: Instance
@@ -47,7 +48,16 @@ class Found:
     after: float
     delta_bic: float
     agreement: Agreement
-    established: bool
+    refused: tuple[Refusal, ...] = ()
+
+    @property
+    def established(self) -> bool:
+        """Whether it is named; what is not is described."""
+        return not self.refused
+
+    def unless(self, refusal: Refusal | None) -> Found:
+        """The same, or with one more refusal of its name."""
+        return self if refusal is None else replace(self, refused=(*self.refused, refusal))
 
     @property
     def effect(self) -> str:
@@ -79,8 +89,11 @@ class Found:
                 "std": self.agreement.deviation if math.isfinite(self.agreement.deviation) else None,
                 "pieces": self.agreement.pieces,
                 "explained": self.agreement.explained,
+                "left": self.agreement.left,
             },
         }
+        if self.refused:
+            content["refused"] = [refusal.to_mapping() for refusal in self.refused]
         if self.instance.signal is not None:
             content["signal"] = self.instance.signal
         through = {kind.effect: kind.signal for kind in reversed(self.equivalent) if kind.signal is not None}
@@ -110,7 +123,8 @@ class Errors:
 class Diagnosis:
     """What a diagnosis found.
 
-    timing: when the torque of each recording acts. axis_file: the improved axis, ready to simulate. evidence: draws the report.
+    effects: named ones. described: those that a rule refused. refused: effects that a rule kept out of the fit. timing: when the
+    torque of each recording acts. axis_file: the improved axis, ready to simulate. evidence: draws the report.
     """
 
     verdict: Verdict
@@ -129,6 +143,7 @@ class Diagnosis:
     next_experiment: Mapping[str, Any] | None
     limits: tuple[str, ...]
     timing: tuple[TorqueActs, ...]
+    refused: tuple[Refused, ...]
     axis_file: AxisFile
     evidence: Evidence
 
@@ -154,6 +169,7 @@ class Diagnosis:
             "atlas": [dict(entry) for entry in self.atlas],
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "described": [found.to_mapping() for found in self.described],
+            "refused": [one.to_mapping() for one in self.refused],
             "limits": list(self.limits),
             "timing": [one.to_mapping() for one in self.timing],
         }
