@@ -8,6 +8,7 @@ second body) are those that the measured motion up to there has left in them.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numba import njit
 from scipy import stats
 
 from tcs_friction.conditioning.data_set import DataSet, Stretch
+from tcs_friction.conditioning.filters import through
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
@@ -31,6 +33,7 @@ from tcs_friction.physics.machine import (
     call_term,
     torques,
 )
+from tcs_friction.physics.registry import alignment
 from tcs_friction.physics.terms import (
     ACCELERATION,
     ARREST,
@@ -122,7 +125,8 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
     if pieces > MOST_PIECES:
         return np.full(sum(map(len, starts)), travel)
-    resolution = data.speed_resolution
+    resolution, late = data.speed_resolution, axis.lateness
+    axis = replace(axis, lateness=0.0)
     found: list[np.ndarray] = []
     for s, begins in zip(data.stretches, starts, strict=True):
         if not len(begins):
@@ -135,7 +139,7 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
             s.position,
             s.velocity,
             s.acceleration,
-            s.torque,
+            acting_torque(s.torque, step, late),
             s.signals,
             resolution,
             pieces,
@@ -145,6 +149,15 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
         )
         found.append(np.sqrt(np.mean(errors**2, axis=1)))
     return np.concatenate([np.zeros(0), *found])
+
+
+def acting_torque(torque: np.ndarray, step: float, late: float) -> np.ndarray:
+    """A logged torque (n,), `step` s apart, when it acts: so much later, s; a negative time is no extrapolation but a filter."""
+    response = alignment().transfer
+    if late == 0.0 or response is None:
+        return torque
+    at = {alignment().alignment: late}
+    return torque + through(torque - torque[0], step, lambda frequency: response(at, 2j * np.pi * frequency))
 
 
 def held_out_windows(data: DataSet, length: int) -> list[np.ndarray]:
