@@ -130,7 +130,12 @@ def _explained(
 
 
 def _likelier(in_step: Explained, out_of_step: Explained) -> Explained:
-    """What explains the recordings with the log in step or, where that is likelier by more than chance, out of it."""
+    """What explains the recordings with the log in step or, where that is likelier by more than chance, out of it.
+
+    A delay or a lag beside a log that is out of step would undo it: that log is in step.
+    """
+    if any(item.term.filters for item in out_of_step[1].unmapped.axis.effects):
+        return in_step
 
     def surprised(one: Explained) -> float:
         balance, fit = one[0], one[1].unmapped

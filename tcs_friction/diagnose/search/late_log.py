@@ -56,7 +56,8 @@ def out_of_step(balance: TorqueBalance, retuned: Fit, prepare: Prepare) -> tuple
     wide = TorqueBalance(data, balance.inertia_known, reach)
     fit = settle(wide, retuned.axis, retuned.noise, rounds=1)
     gained = (wide.squares(retuned.axis, fit.noise) - fit.squares) / fit.squares.dispersion
-    if gained < chance(1, math.ceil(LONGEST / data.leeway)):
+    at_bound = not AT_END * reach[0] < fit.axis.lateness < AT_END * reach[1]  # friction that builds up late goes as far as it may
+    if at_bound or gained < chance(1, math.ceil(LONGEST / data.leeway)):
         return None
     timings = tuple(replace(timing, acts=timing.acts + fit.axis.lateness, between=Between.HELD) for timing in data.timings)
     again = TorqueBalance(prepare(timings), balance.inertia_known)
