@@ -14,6 +14,7 @@ from concealed_torque_cases import Motion, axis, conditioned, settled, unfitted
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.noise_estimate import estimated
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
@@ -479,7 +480,8 @@ def test_what_is_left_of_held_out_data_hides_small_effects_as_the_noise_does() -
     waves = [instance(effect("cogging"), {"order": order, "amplitude": size, "phase": 0.0}) for order, size in sizes.items()]
     data = conditioned(np.random.default_rng(3), lambda m: 3.0 * np.cos(40.0 * m.q) + 0.3 * np.cos(47.0 * m.q), seconds=80.0)
     balance, retuned = settled(data)
-    both = unfitted(balance, axis().with_effect(waves[0]).with_effect(waves[1]), retuned.noise, KNOWN)
+    complete = axis().with_effect(waves[0]).with_effect(waves[1])
+    both = unfitted(balance, complete, estimated(balance, complete, retuned.noise), KNOWN)
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
     explanation = Explanation(retuned, both, both, None, (), contests)
     assert rms(balance.residual(both.axis, both.noise)[balance.held_out]) > 0.25 > 0.3 / math.sqrt(2.0)

@@ -30,6 +30,7 @@ from tcs_friction.physics.machine import (
     TRUE_VELOCITY,
     Machine,
     advance,
+    arrest_per_speed,
     call_term,
     torques,
 )
@@ -101,13 +102,29 @@ def typical(errors: np.ndarray) -> float:
 def moves_worse(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether a model's errors (w,) are larger than another's in the same windows by more than chance.
 
-    Student's t of the logarithms of their ratios; of fewer than three windows nothing is said.
+    Student's t of the logarithms of their ratios, of as many as are independent; of fewer than three windows nothing is said.
     """
     ratios = np.log(np.maximum(one, TINY) / np.maximum(other, TINY))
     if len(ratios) < FEWEST_WINDOWS:
         return False
-    scatter = max(float(ratios.std(ddof=1)) / math.sqrt(len(ratios)), TINY)
-    return bool(stats.t.sf(float(ratios.mean()) / scatter, len(ratios) - 1) < BY_CHANCE)
+    count = independent(ratios)
+    scatter = max(float(ratios.std(ddof=1)) / math.sqrt(count), TINY)
+    return bool(stats.t.sf(float(ratios.mean()) / scatter, count - 1.0) < BY_CHANCE)
+
+
+def independent(series: np.ndarray) -> float:
+    """How many independent values have as sure a mean as a series (n,) of values that resemble their neighbours; 2 at least.
+
+    n / (1 + 2 sum of autocorrelations), summed in pairs while these are positive (Geyer 1992, initial positive sequence).
+    """
+    away, n = series - series.mean(), len(series)
+    power = float(away @ away)
+    if power <= 0.0:
+        return float(n)
+    correlation = np.correlate(away, away, "full")[n - 1 :] / power
+    pairs = correlation[: n // 2 * 2].reshape(-1, 2).sum(axis=1)
+    positive = pairs[: int(np.argmin(pairs > 0.0))] if (pairs <= 0.0).any() else pairs
+    return min(max(n / max(2.0 * float(positive.sum()) - 1.0, 1.0), 2.0), float(n))
 
 
 def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.ndarray:
@@ -216,7 +233,7 @@ def _walk(
     body on a stiff contact is a torque.
     """
     motion, dt = m.motion, m.constants[machine.STEP]
-    level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
+    slope = arrest_per_speed(m, resolution)
     window, before, opposing = 0, 0.0, 0.0
     last = begins[-1]
     for i in range(last + 1):
@@ -237,7 +254,7 @@ def _walk(
             motion[VELOCITY] = v
             motion[ACCELERATION] = acceleration[k] + part * (acceleration[i] - acceleration[k])
             motion[INERTIA] = m.constants[MASS]
-            motion[ARREST] = level * v / resolution
+            motion[ARREST] = slope * v
             for s in range(signals.shape[0]):
                 change = signals[s, i] - signals[s, k]
                 set_surroundings(motion, s, signals[s, k] + part * change, change / (pieces * dt))

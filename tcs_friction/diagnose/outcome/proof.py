@@ -16,6 +16,7 @@ import numpy as np
 
 from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.dataset.excitation import passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE
@@ -184,16 +185,20 @@ class _Proof:
     def _shares(self, item: Instance, agreement: Agreement, beyond: float) -> list[tuple[float, Refusal]]:
         """The probabilities whose product is that of a name, each with what refuses the name where it is small.
 
-        beyond: gain beyond chance. Collisions scatter between pieces, so that they need not come back with the same size.
+        beyond: gain beyond chance. Collisions scatter between pieces, so that they need not come back with the same size, and a
+        place that was passed once has nothing to come back to: it was named only if it accounts for all that was there.
         """
+        once = bool(passed_once(self.balance.data, [item]))
         by_chance = Refusal(rules.BEYOND_CHANCE, f"chance may give its gain, which is {beyond:.3g} beyond it", {"beyond": beyond})
         deviation = agreement.deviation if math.isfinite(agreement.deviation) else 0.0
-        again = f"{agreement.multiple:.2f} ± {deviation:.2f} of it comes back in {agreement.pieces:.3g} pieces of the data"
+        again = "nothing that was not fitted shows it"
+        if math.isfinite(agreement.deviation):
+            again = f"of it {agreement.multiple:.2f} ± {deviation:.2f} comes back in data that were not fitted"
         back = {"multiple": agreement.multiple, "std": deviation, "pieces": float(agreement.pieces)}
         could = f"what is left could be it: {self._measured(agreement.left, agreement.gone)}"
         shares = [
             (1.0 - 0.5 * math.exp(-min(max(0.5 * beyond, 0.0), LARGEST_EXPONENT)), by_chance),
-            (1.0 if item.term.collides else agreement.comes_back, Refusal(rules.COMES_BACK, again, back)),
+            (1.0 if item.term.collides or once else agreement.comes_back, Refusal(rules.COMES_BACK, again, back)),
             (agreement.explained, Refusal(rules.LEFT, could, {"left": agreement.left, "own": agreement.gone})),
         ]
         return [(share if refusal.rule.asked else 1.0, refusal) for share, refusal in shares]
