@@ -46,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = f"which joint of the recordings, by name or by number from 0 on; {EACH}; with a model of MuJoCo, joint of the model"
     parser.add_argument("--joint", type=name_word, default="", metavar="NAME", help=which)
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
+    described = "write effects into axis.yaml that are described only, too, but for those that cancel each other"
+    parser.add_argument("--with-described", action="store_true", help=described)
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
 
@@ -83,7 +85,7 @@ def diagnosed_into(arguments: argparse.Namespace, directory: Path) -> Done:
         if remark:
             found = replace(found, evidence=replace(found.evidence, notes=(f"Believed: {remark}.", *found.evidence.notes)))
         progress(1.0, "writing")
-        report = write_diagnosis(directory, found)
+        report = write_diagnosis(directory, found, arguments.with_described)
     tell_notes(recordings)
     text = "\n".join([*([remark] if remark else []), summary(found), str(report)])
     content = found.to_mapping()
@@ -155,6 +157,9 @@ def summary(found: Diagnosis) -> str:
         row = fit[name]
         line = f"{name:10} {row['train']:10.4g} {row['held_out']:10.4g} {free['position_rms'][name]:21.4g}"
         lines.append(line + (f"{loop['position_rms'][name]:20.4g}" if loop else ""))
+    if content["described"]:
+        left = fit["written"]
+        lines.append(f"{'axis.yaml':10} {left['train']:10.4g} {left['held_out']:10.4g}   with what is named alone")
     lines.append(f"{'noise':10} {fit['noise_floor']:10.4g}")
     if content["next_experiment"]:
         lines.append(f"next: {content['next_experiment']['why']} ({EXPERIMENT})")

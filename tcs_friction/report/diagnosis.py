@@ -136,6 +136,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         ("believed", "as given"),
         ("retuned", "same physics, best parameters"),
         ("improved", "with the physics found"),
+        *([("written", "with what is named alone, as in axis.yaml")] if diagnosis["described"] else []),
     )
     free = diagnosis.get("free_run") or {}
     position = free.get("position_rms") or {}

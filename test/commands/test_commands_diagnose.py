@@ -16,7 +16,7 @@ from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
-from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Seen, Unexplained
 from tcs_friction.diagnose.rules import TOO_SMALL, Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.errors import InputError
@@ -39,6 +39,7 @@ SIGNALS = SignalMap.from_mapping(
 )
 AXIS = Axis("test", 2.0, instance(law("coulomb_viscous"), {"coulomb": 1.0, "viscous": 0.5}))
 BIAS = instance(effect("torque_bias"), {"bias": 0.4})
+DRAG = instance(effect("quadratic_drag"), {"coefficient": 3.0})
 EXPERIMENT = {
     "reference": {"kind": "sinusoid", "amplitude": 0.1, "period": 10.0},
     "separates": ["torque_bias", "imbalance"],
@@ -81,6 +82,9 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         (),
         (Refused("backlash", Refusal(TOO_SMALL, "it would gain 50", {"gain": 50.0})),),
         file.with_axis(file.axis.with_effect(BIAS)),
+        file.with_axis(file.axis.with_effect(BIAS).with_effect(DRAG)),
+        Errors(0.1, 0.1),
+        Seen((-1.0, 1.0), 1.0, 2.0, None, ("rad", "rad/s", "N m")),
         Evidence(t, noise + 0.5, noise + 0.4, noise, t > 8.0),
     )
 
@@ -183,3 +187,13 @@ def test_an_axis_file_without_signals_is_refused(folder: Path, capsys: pytest.Ca
     save_axis(folder / "axis.yaml", replace(AxisFile(AXIS), signals=None))
     assert cli.main(arguments(folder)) == 2
     assert "no signals block" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_the_axis_file_holds_what_is_described_only_if_asked_for(folder: Path, stood_in: list[Any], asked: bool) -> None:
+    assert cli.main(arguments(folder, *(["--with-described"] if asked else []))) == 0
+    assert stood_in
+    written = folder / "out" / "axis.yaml"
+    effects = [item.term.id for item in load_axis(written).axis.effects]
+    assert effects == ["torque_bias", *(["quadratic_drag"] if asked else [])]
+    assert "# Told from position -1 to 1 rad, speed up to 1 rad/s, torque up to 2 N m" in written.read_text()

@@ -39,6 +39,7 @@ from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
 from tcs_friction.diagnose.outcome.statement import statement
+from tcs_friction.diagnose.outcome.written import named_only, seen, with_described
 from tcs_friction.diagnose.rules import Refusal
 from tcs_friction.diagnose.search.late_log import torque_acts
 from tcs_friction.diagnose.search.significance import chance
@@ -124,6 +125,7 @@ class _Conclusion:
         if not (found or unexplained.present) and (constant is not None or _retuning_fails(errors, floor)):
             left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
             unexplained = Unexplained(True, left, {"coordinates": ["time"]})
+        written, complete = (of(self.balance, self.explanation, every, believed) for of in (named_only, with_described))
         runs = free.typical()
         moves_better = runs["improved"] <= runs["retuned"] and not (loop and loop.improved_is_worse)
         verdict = self._verdict(errors, unexplained, found, moves_better)
@@ -155,7 +157,10 @@ class _Conclusion:
             limits=lines,
             timing=timing,
             refused=self.explanation.refused,
-            axis_file=_with_timing(self.file.with_axis(_in_step(fit.axis)), timing),
+            axis_file=_with_timing(self.file.with_axis(_in_step(written.axis)), timing),
+            complete_file=_with_timing(self.file.with_axis(_in_step(complete.axis)), timing),
+            written=self._errors(self._residual(written.axis)),
+            seen=seen(data, believed),
             evidence=evidence_of(
                 self.balance,
                 fit,

@@ -31,7 +31,7 @@ from tcs_friction.diagnose.rules import Refusal
 from tcs_friction.diagnose.search.harmonics import added_effects
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.matched_filter import in_step
-from tcs_friction.diagnose.search.plausibility import own_torque
+from tcs_friction.diagnose.search.plausibility import LARGEST_TORQUE, own_torque
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.rivals import NEARLY
 from tcs_friction.diagnose.search.start import Kind
@@ -167,7 +167,12 @@ class _Proof:
         shares = self._shares(item, agreement, gain - penalty)
         certainty = math.prod(share for share, _ in shares)
         left = rms(before[held]), rms(after[held])
-        doubts = (self._predicts_worse(*left), _not_resolved(item, parameters), self._echo(item, size))
+        doubts = (
+            self._predicts_worse(*left),
+            _not_resolved(item, parameters),
+            self._echo(item, size),
+            self._too_large(size),
+        )
         return Found(
             instance=item,
             equivalent=equivalent,
@@ -202,6 +207,14 @@ class _Proof:
             (agreement.explained, Refusal(rules.LEFT, could, {"left": agreement.left, "own": agreement.gone})),
         ]
         return [(share if refusal.rule.asked else 1.0, refusal) for share, refusal in shares]
+
+    def _too_large(self, size: float) -> Refusal | None:
+        """Where a torque, N m rms, is larger than the drive's: a map or another effect takes it away again."""
+        limit = LARGEST_TORQUE * self.balance.torque_size
+        if size <= limit or not rules.TOO_LARGE.asked:
+            return None
+        words = f"its torque is larger than the drive's: {self._measured(size, self.balance.torque_size)}"
+        return Refusal(rules.TOO_LARGE, words, {"own": size, "drive": self.balance.torque_size})
 
     def _predicts_worse(self, before: float, after: float) -> Refusal | None:
         """Where held-out residuals without and with an effect, N m rms, say that it predicts worse."""

@@ -112,6 +112,35 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What the recordings showed of an axis, beyond which nothing was told: ranges, largest speed and torque, and their units.
+
+    temperature: degC; None where it was not recorded.
+    """
+
+    position: tuple[float, float]
+    speed: float
+    torque: float
+    temperature: tuple[float, float] | None
+    units: tuple[str, str, str]
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        temperature = None if self.temperature is None else list(self.temperature)
+        return {"position": list(self.position), "speed": self.speed, "torque": self.torque, "temperature": temperature}
+
+    @property
+    def words(self) -> str:
+        """One line for the axis file."""
+        position, speed, torque = self.units
+        line = f"position {self.position[0]:.4g} to {self.position[1]:.4g} {position}, speed up to {self.speed:.4g} {speed}"
+        line += f", torque up to {self.torque:.4g} {torque}"
+        if self.temperature is not None:
+            line += f", {self.temperature[0]:.3g} to {self.temperature[1]:.3g} degC"
+        return f"Told from {line}; beyond that nothing here is."
+
+
+@dataclass(frozen=True)
 class Errors:
     """Train and held-out rms of a torque residual, N m."""
 
@@ -124,7 +153,8 @@ class Diagnosis:
     """What a diagnosis found.
 
     effects: named ones. described: those that a rule refused. refused: effects that a rule kept out of the fit. timing: when the
-    torque of each recording acts. axis_file: the improved axis, ready to simulate. evidence: draws the report.
+    torque of each recording acts. axis_file: the improved axis with what is named, ready to simulate; written: what it leaves.
+    complete_file: the same with what is described, too. seen: what the recordings showed. evidence: draws the report.
     """
 
     verdict: Verdict
@@ -145,6 +175,9 @@ class Diagnosis:
     timing: tuple[TorqueActs, ...]
     refused: tuple[Refused, ...]
     axis_file: AxisFile
+    complete_file: AxisFile
+    written: Errors
+    seen: Seen
     evidence: Evidence
 
     def to_mapping(self) -> dict[str, Any]:
@@ -153,6 +186,7 @@ class Diagnosis:
         for name in ("believed", "retuned", "improved"):
             errors: Errors = getattr(self, name)
             fit[name] = {"train": errors.train, "held_out": errors.held_out}
+        fit["written"] = {"train": self.written.train, "held_out": self.written.held_out}
         return {
             "schema": SCHEMA,
             "verdict": str(self.verdict),
@@ -172,4 +206,5 @@ class Diagnosis:
             "refused": [one.to_mapping() for one in self.refused],
             "limits": list(self.limits),
             "timing": [one.to_mapping() for one in self.timing],
+            "seen": self.seen.to_mapping(),
         }
