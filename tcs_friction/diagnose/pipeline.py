@@ -33,7 +33,7 @@ from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.fit.noise_estimate import surprise
 from tcs_friction.diagnose.fit.parameters import INERTIA
-from tcs_friction.diagnose.outcome.conclusion import conclude
+from tcs_friction.diagnose.outcome.conclusion import TOLERANCE, conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.maps import remaining_structure
@@ -66,10 +66,12 @@ def diagnose(
     recordings: Sequence[Recording],
     file: AxisFile,
     progress: Progress = lambda share, stage: None,  # noqa: ARG005 names are the interface
+    tolerance: float = TOLERANCE,
 ) -> Diagnosis:
     """Find what the axis file lacks against recordings of the real axis.
 
-    Held-out data are cut off before anything is fitted or chosen. `progress(share, stage)` may raise to cancel.
+    Held-out data are cut off before anything is fitted or chosen. `progress(share, stage)` may raise to cancel. tolerance: share
+    of the friction below which what remains is no verdict.
 
     Raises InputError when the recordings cannot carry a torque balance.
     """
@@ -90,7 +92,7 @@ def diagnose(
 
     progress(0.92, "proving on held-out data")
     balance, explanation = explained
-    return conclude(balance, file, explanation)
+    return conclude(balance, file, explanation, tolerance)
 
 
 def _prepared(recordings: Sequence[Recording], believed: Axis, timings: Sequence[LogTiming] | None) -> DataSet:

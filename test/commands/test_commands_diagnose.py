@@ -17,6 +17,7 @@ from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Seen, Unexplained
+from tcs_friction.diagnose.outcome.visible import Visible
 from tcs_friction.diagnose.rules import TOO_SMALL, Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.errors import InputError
@@ -85,6 +86,7 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         file.with_axis(file.axis.with_effect(BIAS).with_effect(DRAG)),
         Errors(0.1, 0.1),
         Seen((-1.0, 1.0), 1.0, 2.0, None, ("rad", "rad/s", "N m")),
+        Visible(12.0, 0.9, {"cogging": 0.05, "warmup_drift": 0.4}, 0.01),
         Evidence(t, noise + 0.5, noise + 0.4, noise, t > 8.0),
     )
 
@@ -101,8 +103,8 @@ def folder(tmp_path: Path) -> Path:
 def stood_in(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     calls: list[Any] = []
 
-    def diagnose(recordings: Any, file: AxisFile, progress: Any = None) -> Diagnosis:
-        calls.append((recordings, file))
+    def diagnose(recordings: Any, file: AxisFile, progress: Any = None, tolerance: float = 0.0) -> Diagnosis:
+        calls.append((recordings, file, tolerance))
         progress(0.5, "half way")
         return diagnosis(file)
 
@@ -197,3 +199,20 @@ def test_the_axis_file_holds_what_is_described_only_if_asked_for(folder: Path, s
     effects = [item.term.id for item in load_axis(written).axis.effects]
     assert effects == ["torque_bias", *(["quadratic_drag"] if asked else [])]
     assert "# Told from position -1 to 1 rad, speed up to 1 rad/s, torque up to 2 N m" in written.read_text()
+
+
+def test_what_was_asked_is_said(folder: Path, stood_in: list[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(arguments(folder, "--tolerance", "1%")) == 0
+    assert stood_in
+    printed = capsys.readouterr().out
+    seen = "seen would be cogging from about 0.05 N m rms on, warmup_drift from 0.4."
+    assert f"Asked were 90 % of the data, up to 12 Hz; {seen}" in printed
+    asked = json.loads((folder / "out" / "diagnosis.json").read_text())["asked"]
+    assert asked == {"band": 12.0, "share": 0.9, "sizes": {"cogging": 0.05, "warmup_drift": 0.4}, "tolerance": 0.01}
+
+
+@pytest.mark.parametrize("word", ["-1%", "100%", "1.5", "much"])
+def test_a_tolerance_is_a_share(folder: Path, word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments(folder, f"--tolerance={word}"))
+    assert "is no share from 0 to 1, such as 1% or 0.01" in capsys.readouterr().err

@@ -19,7 +19,7 @@ from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.dataset.coordinates import unit_of
-from tcs_friction.diagnose.dataset.excitation import limits, passed_once
+from tcs_friction.diagnose.dataset.excitation import barred, lacking, limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, noise_floor
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, untimed
@@ -39,6 +39,7 @@ from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
 from tcs_friction.diagnose.outcome.statement import statement
+from tcs_friction.diagnose.outcome.visible import visible
 from tcs_friction.diagnose.outcome.written import named_only, seen, with_described
 from tcs_friction.diagnose.rules import Refusal
 from tcs_friction.diagnose.search.late_log import torque_acts
@@ -49,12 +50,15 @@ from tcs_friction.physics.terms import Instance
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
+TOLERANCE = 1e-3  # of the friction: to which the best recordings tell its parameters; less than that nobody compensates
 FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from which a residual cannot be theirs
 
 
-def conclude(balance: TorqueBalance, file: AxisFile, explanation: Explanation) -> Diagnosis:
-    """The diagnosis; the first place that looks at held-out data."""
-    return _Conclusion(balance, file, _without_a_map_that_predicts_worse(balance, explanation)).diagnosis()
+def conclude(
+    balance: TorqueBalance, file: AxisFile, explanation: Explanation, tolerance: float = TOLERANCE
+) -> Diagnosis:
+    """The diagnosis; the first place that looks at held-out data. tolerance: share of the friction that may remain."""
+    return _Conclusion(balance, file, _without_a_map_that_predicts_worse(balance, explanation), tolerance).diagnosis()
 
 
 def _without_a_map_that_predicts_worse(balance: TorqueBalance, explanation: Explanation) -> Explanation:
@@ -103,6 +107,7 @@ class _Conclusion:
     balance: TorqueBalance
     file: AxisFile
     explanation: Explanation
+    tolerance: float = TOLERANCE
 
     def diagnosis(self) -> Diagnosis:
         fit, data, believed = self.explanation.improved, self.balance.data, self.file.axis
@@ -120,7 +125,7 @@ class _Conclusion:
         worse = tuple(one for one in every if any(refusal.rule in (rules.MOVES, rules.BELIEVED_BEST) for refusal in one.refused))
         found = tuple(one for one in every if one.established)
         described = tuple(one for one in every if not one.established)
-        unexplained = self._unexplained(errors, floor, described)
+        unexplained = self._worth_it(self._unexplained(errors, floor, described))
         constant = self._left_by_a_constant(errors)
         if not (found or unexplained.present) and (constant is not None or _retuning_fails(errors, floor)):
             left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
@@ -161,6 +166,7 @@ class _Conclusion:
             complete_file=_with_timing(self.file.with_axis(_in_step(complete.axis)), timing),
             written=self._errors(self._residual(written.axis)),
             seen=seen(data, believed),
+            visible=visible(self.balance, fit, barred(lacking(data, believed)), self.tolerance),
             evidence=evidence_of(
                 self.balance,
                 fit,
@@ -294,6 +300,12 @@ class _Conclusion:
         torque = math.hypot(left.torque_rms, missed)
         largest = dict(described[0].where)
         return Unexplained(True, torque, {**largest, "coordinates": [largest["coordinate"]]})
+
+    def _worth_it(self, left: Unexplained) -> Unexplained:
+        """What remains; where it is within the tolerance it is there, and no verdict."""
+        fit = self.explanation.improved
+        friction = rms(self.balance.terms.friction(fit.axis)[self.balance.train])
+        return replace(left, present=False) if left.torque_rms < self.tolerance * friction else left
 
     def _structure(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
         """What is left when everything found is taken away, in the data that were fitted or in those held out.

@@ -12,6 +12,7 @@ from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
+from tcs_friction.diagnose.outcome.visible import Visible
 from tcs_friction.diagnose.rules import Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Instance
@@ -154,7 +155,8 @@ class Diagnosis:
 
     effects: named ones. described: those that a rule refused. refused: effects that a rule kept out of the fit. timing: when the
     torque of each recording acts. axis_file: the improved axis with what is named, ready to simulate; written: what it leaves.
-    complete_file: the same with what is described, too. seen: what the recordings showed. evidence: draws the report.
+    complete_file: the same with what is described, too. seen: what the recordings showed. visible: what could have
+    been found in them. evidence: draws the report.
     """
 
     verdict: Verdict
@@ -178,6 +180,7 @@ class Diagnosis:
     complete_file: AxisFile
     written: Errors
     seen: Seen
+    visible: Visible
     evidence: Evidence
 
     def to_mapping(self) -> dict[str, Any]:
@@ -207,4 +210,5 @@ class Diagnosis:
             "limits": list(self.limits),
             "timing": [one.to_mapping() for one in self.timing],
             "seen": self.seen.to_mapping(),
+            "asked": self.visible.to_mapping(),
         }
