@@ -94,7 +94,7 @@ def diagnosed_into(arguments: argparse.Namespace, directory: Path) -> Done:
     tell_notes(recordings)
     text = "\n".join([*([remark] if remark else []), summary(found), str(report)])
     content = found.to_mapping()
-    return Done(text, content, f"{content['verdict']}: {content['statement']}", report.name)
+    return Done(text, content, f"{content['verdict']}: {content['headline']}", report.name)
 
 
 def _within(begin: float, progress: Callable[[float, str], None], share: float, stage: str) -> None:
@@ -149,7 +149,7 @@ def summary(found: Diagnosis) -> str:
     """The statement and the numbers behind it, for a terminal."""
     content = found.to_mapping()
     unit, position = (unit_of(name, found.axis_file.axis) for name in ("torque", "position"))
-    lines = [f"{content['verdict']}: {content['statement']}"]
+    lines = [f"{content['verdict']}: {content['headline']}", content["statement"]]
     for entry in content["effects"]:
         values = ", ".join(f"{name} {p['value']:.5g} {p.get('unit') or ''}".rstrip() for name, p in entry["parameters"].items())
         other = f"; or {', '.join(entry['equivalent'])}" if entry["equivalent"] else ""

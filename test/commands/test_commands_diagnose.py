@@ -16,7 +16,7 @@ from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
-from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Seen, Unexplained
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Seen, Told, Unexplained
 from tcs_friction.diagnose.outcome.visible import Visible
 from tcs_friction.diagnose.rules import TOO_SMALL, Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
@@ -67,6 +67,7 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
     return Diagnosis(
         "missing_physics",
         "The model lacks torque_bias.",
+        "It lacks torque_bias, 0.4 N m.",
         (found,),
         (),
         Unexplained(),
@@ -87,6 +88,7 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         Errors(0.1, 0.1),
         Seen((-1.0, 1.0), 1.0, 2.0, None, ("rad", "rad/s", "N m")),
         Visible(12.0, 0.9, {"cogging": 0.05, "warmup_drift": 0.4}, 0.01),
+        (Told("inertia", "kg m^2", 1.0, (1.1, 0.01), None),),
         Evidence(t, noise + 0.5, noise + 0.4, noise, t > 8.0),
     )
 

@@ -35,6 +35,8 @@ from tcs_friction.diagnose.outcome.free_run import (
     window_errors,
 )
 from tcs_friction.diagnose.outcome.friction_speed import friction_by_speed
+from tcs_friction.diagnose.outcome.headline import headline
+from tcs_friction.diagnose.outcome.parameter_table import parameter_table
 from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
@@ -144,6 +146,7 @@ class _Conclusion:
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
             verdict=verdict,
+            headline=headline(verdict, found, unexplained, law),
             statement=statement(
                 verdict, found, unexplained, errors, floor, lines, unit_of("torque", believed), mapped, late, law, worse
             ),
@@ -166,6 +169,7 @@ class _Conclusion:
             complete_file=_with_timing(self.file.with_axis(_in_step(complete.axis)), timing),
             written=self._errors(self._residual(written.axis)),
             seen=seen(data, believed),
+            parameters=parameter_table(believed, self.explanation.retuned, fit),
             visible=visible(self.balance, fit, barred(lacking(data, believed)), self.tolerance),
             evidence=evidence_of(
                 self.balance,
@@ -177,6 +181,7 @@ class _Conclusion:
                 self._notes(),
                 self.explanation.lacks,
                 friction_by_speed(self.balance, fit, axes),
+                frozenset(one.instance.identity for one in found),
             ),
         )
 
@@ -238,7 +243,9 @@ class _Conclusion:
     def _errors(self, residual: np.ndarray) -> Errors:
         """Rms on train and on held-out data; on train data twice where none are held out."""
         held = judged(self.balance, self.explanation.improved.axis)
-        return Errors(rms(residual[self.balance.train]), rms(residual[held]))
+        spread = float(np.std(self.balance.data.joined("torque")[held])) if held.any() else 0.0
+        left = rms(residual[held])
+        return Errors(rms(residual[self.balance.train]), left, 100.0 * (1.0 - left / spread) if spread > 0.0 else None)
 
     def _notes(self) -> tuple[str, ...]:
         fits = {"retuned": self.explanation.retuned, "improved": self.explanation.improved}

@@ -143,23 +143,49 @@ class Seen:
 
 @dataclass(frozen=True)
 class Errors:
-    """Train and held-out rms of a torque residual, N m."""
+    """Train and held-out rms of a torque residual, N m. fit: of the held-out torque that is met, 1 less NRMSE; per cent."""
 
     train: float
     held_out: float
+    fit: float | None = None
+
+    def to_mapping(self) -> dict[str, float | None]:
+        """As diagnosis.json has it."""
+        return {"train": self.train, "held_out": self.held_out, "fit_percent": self.fit}
+
+
+@dataclass(frozen=True)
+class Told:
+    """One parameter as believed, retuned and beside what was found: values with standard deviations; None where there is none."""
+
+    name: str
+    unit: str
+    believed: float | None
+    retuned: tuple[float, float | None] | None
+    improved: tuple[float, float | None] | None
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+
+        def entry(one: tuple[float, float | None] | None) -> dict[str, float | None] | None:
+            return None if one is None else {"value": one[0], "std": one[1]}
+
+        values = {"believed": self.believed, "retuned": entry(self.retuned), "improved": entry(self.improved)}
+        return {"name": self.name, "unit": self.unit, **values}
 
 
 @dataclass(frozen=True)
 class Diagnosis:
     """What a diagnosis found.
 
-    effects: named ones. described: those that a rule refused. refused: effects that a rule kept out of the fit. timing: when the
-    torque of each recording acts. axis_file: the improved axis with what is named, ready to simulate; written: what it leaves.
-    complete_file: the same with what is described, too. seen: what the recordings showed. visible: what could have
-    been found in them. evidence: draws the report.
+    headline: one short sentence; statement: with the details. effects: named ones. described: those that a rule refused. refused:
+    effects that a rule kept out of the fit. timing: when the torque of each recording acts. axis_file: the improved axis, with
+    what is named, ready to simulate; written: what it leaves. complete_file: the same with what is described, too. seen: what
+    the recordings showed. visible: what could have been found in them. evidence: draws the report.
     """
 
     verdict: Verdict
+    headline: str
     statement: str
     effects: tuple[Found, ...]
     described: tuple[Found, ...]
@@ -181,6 +207,7 @@ class Diagnosis:
     written: Errors
     seen: Seen
     visible: Visible
+    parameters: tuple[Told, ...]
     evidence: Evidence
 
     def to_mapping(self) -> dict[str, Any]:
@@ -188,11 +215,12 @@ class Diagnosis:
         fit: dict[str, Any] = {"noise_floor": self.noise_floor}
         for name in ("believed", "retuned", "improved"):
             errors: Errors = getattr(self, name)
-            fit[name] = {"train": errors.train, "held_out": errors.held_out}
-        fit["written"] = {"train": self.written.train, "held_out": self.written.held_out}
+            fit[name] = errors.to_mapping()
+        fit["written"] = self.written.to_mapping()
         return {
             "schema": SCHEMA,
             "verdict": str(self.verdict),
+            "headline": self.headline,
             "statement": self.statement,
             "effects": [found.to_mapping() for found in self.effects],
             "unexplained": {
@@ -210,5 +238,6 @@ class Diagnosis:
             "limits": list(self.limits),
             "timing": [one.to_mapping() for one in self.timing],
             "seen": self.seen.to_mapping(),
+            "parameters": [one.to_mapping() for one in self.parameters],
             "asked": self.visible.to_mapping(),
         }
