@@ -348,58 +348,92 @@ def _for_dimensions(count: int) -> SwarmOptions:
 def _sharpened(
     problem: Problem, verdicts: Verdicts, space: Space, loss: str, cancel: Callable[[], bool]
 ) -> tuple[Verdicts, Sharpened | None]:
-    """The fit of predictions, where it can be made and does not contradict that of torques.
-
-    Where bristles swing about as fast as the low pass lets through, it bends what a model makes of the motion: what sound
-    predictions leave of the torque is the disturbance they need.
-    """
-    fine, size = problem.fine, problem.states_index
-    unknowns, counted = verdicts.refined.unknowns.copy(), verdicts.refined.weights > 0.0
-    before = rms(verdicts.refined.residual[counted])
-    if fine is None or before < NOISELESS * float(np.std(problem.target)):
+    """The fit of predictions, where it can be made and does not contradict that of torques."""
+    fine, torques = problem.fine, _Torques(problem, verdicts, space, loss)
+    if fine is None or torques.left < NOISELESS * float(np.std(problem.target)):
         return verdicts, None
-    sharp, held = _predicted(fine, problem, verdicts, space, before, loss, cancel)
+    sharp, held = _predicted(fine, torques, cancel)
     if sharp is None:
         return verdicts, None
-    space = space.holding(held)
-    unknowns[:size] = sharp.unknowns[:size]
-    refined = refit(problem, unknowns, space.holding(np.arange(len(unknowns)) < size), loss, VALLEY_STEPS)
-    bent = sharp.sound and sharp.aim.swing > OCTAVE * 2.0 * math.pi * problem.motion.bandwidth
-    left = sharp.disturbance(problem.motion.bandwidth) if bent else rms(refined.residual[counted])
-    if not left < WORSE * before:
+    if torques.contradict(sharp):
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     freed = np.flatnonzero(~held & ~verdicts.space.free)
     reasons = {k: reason for k, reason in verdicts.reasons.items() if k not in freed}
     return replace(
-        verdicts, refined=refined, space=space, evaluations=verdicts.evaluations + sharp.evaluations,
+        verdicts, refined=torques.refitted(sharp), space=space.holding(held),
+        evaluations=verdicts.evaluations + sharp.evaluations,
         notes=verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED), reasons=reasons,
         owed=verdicts.owed if reasons else np.zeros_like(verdicts.owed),
     ), sharp  # fmt: skip
 
 
-def _predicted(
-    fine: Fine, problem: Problem, verdicts: Verdicts, space: Space, before: float, loss: str, cancel: Callable[[], bool]
-) -> tuple[Sharpened | None, np.ndarray]:
-    """The fit of predictions, and which unknowns (p,) it holds: those that neither torques nor predictions determine.
+@dataclass(frozen=True, eq=False)
+class _Torques:
+    """A judged fit of torques, which predictions start from and must not contradict. space: where its unknowns may go."""
 
-    before: rms of the torques' residual, N m.
-    """
+    problem: Problem
+    verdicts: Verdicts
+    space: Space
+    loss: str
+
+    @property
+    def left(self) -> float:
+        """N m rms, of the torque."""
+        return rms(self._counted(self.verdicts.refined))
+
+    def _counted(self, refined: Refined) -> np.ndarray:
+        return refined.residual[self.verdicts.refined.weights > 0.0]
+
+    def refitted(self, sharp: Sharpened) -> Refined:
+        """What law, inertia, offset and lateness of predictions leave of the torque, with the states that go with them."""
+        size, unknowns = self.problem.states_index, self.verdicts.refined.unknowns.copy()
+        unknowns[:size] = sharp.unknowns[:size]
+        held = np.arange(len(unknowns)) < size
+        return refit(self.problem, unknowns, self.space.holding(held), self.loss, VALLEY_STEPS)
+
+    def hopeless(self, sharp: Sharpened) -> bool:
+        """Whether predictions that are under way leave more of the torque, however that is told: the law is another."""
+        return not self._explained(sharp) and not (self._bent(sharp) and self._undisturbed(sharp))
+
+    def contradict(self, sharp: Sharpened) -> bool:
+        """Whether predictions leave more of the torque. Where that is bent, sound ones leave the disturbance that they need."""
+        return not (self._undisturbed(sharp) if self._bent(sharp) and sharp.sound else self._explained(sharp))
+
+    def _bent(self, sharp: Sharpened) -> bool:
+        """Whether bristles swing about as fast as the low pass lets through: it bends what a model makes of the motion."""
+        return sharp.aim.swing > OCTAVE * 2.0 * math.pi * self.problem.motion.bandwidth
+
+    def _explained(self, sharp: Sharpened) -> bool:
+        return rms(self._counted(self.refitted(sharp))) < WORSE * self.left
+
+    def _undisturbed(self, sharp: Sharpened) -> bool:
+        return sharp.disturbance(self.problem.motion.bandwidth) < WORSE * self.left
+
+
+def _predicted(fine: Fine, torques: _Torques, cancel: Callable[[], bool]) -> tuple[Sharpened | None, np.ndarray]:
+    """The fit of predictions, and which unknowns (p,) it holds: those that neither torques nor predictions determine."""
+    problem, verdicts, space = torques.problem, torques.verdicts, torques.space
     unknowns, size, names = verdicts.refined.unknowns, problem.states_index, problem.names
     held = ~verdicts.space.free
     held[problem.lateness_index] = False
     bent = DROP in names and names.index(DROP) in verdicts.reasons  # what trades with a drop: `owed` tries others
     ruled_out = beforehand(problem, space)
     untold = [] if bent else [k for k in np.flatnonzero((held & space.free)[:size]).tolist() if k not in ruled_out]
+
+    def from_start(start: np.ndarray) -> Sharpened | None:
+        where = space.holding(held).first(size)
+        return sharpen(fine, start[:size], where, torques.left, torques.loss, torques.hopeless, cancel)
+
     if untold:
         held[untold] = False
         start = unknowns.copy()
         start[untold] = np.clip(start[untold], 1.01 * space.lower[untold], space.upper[untold] / 1.01)
-        sharp = sharpen(fine, start[:size], space.holding(held).first(size), before, loss, cancel)
+        sharp = from_start(start)
         unsure = dict.fromkeys((k for k in untold if sharp is None or not sharp.tells(k)), "")
         held[[*unsure, *companions(problem, unsure)]] = True
-        if sharp is None or not unsure:
+        if sharp is None or sharp.hopeless or not unsure:
             return sharp, held
-    return sharpen(fine, unknowns[:size], space.holding(held).first(size), before, loss, cancel), held
+    return from_start(unknowns), held
 
 
 def _timing(concluded: Conclusions, free: bool) -> TorqueTiming:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -46,8 +47,7 @@ class Sharpened:
     """A fit of predictions.
 
     unknowns (k + 7,): law, inertia, offset, lateness s, and the nuisances of `prediction`.
-    fit: of the errors of prediction. scores (n,): of each sample, minus the logarithm of its likelihood; NaN of those left out.
-    seen: share of the curvature of the squares by the lateness, as derivatives have it, that the squares themselves have.
+    fit: of the errors of prediction. hopeless: it contradicted the torques on its way, and went no further.
     """
 
     unknowns: np.ndarray
@@ -55,11 +55,33 @@ class Sharpened:
     fit: Refined
     evaluations: int
     aim: Predictor
-    scores: np.ndarray
-    seen: float
+    hopeless: bool = False
+
+    @cached_property
+    def scores(self) -> np.ndarray:
+        """(n,) of each sample, minus the logarithm of its likelihood; NaN of those left out."""
+        return self.aim.scores(self.unknowns)
+
+    @cached_property
+    def seen(self) -> float:
+        """Share of the squares' curvature by the lateness, as derivatives have it, that the squares themselves have.
+
+        It is half a unit of cost at one standard error by derivatives, beside what it is there.
+        """
+        index, late = np.flatnonzero(self.space.free), len(self.unknowns) + LATENESS
+        if late not in index:
+            return 1.0
+        inverse = curvature_inverse(self.fit.jacobian[:, index], self.fit.weights)
+        way, at = np.zeros(len(self.unknowns)), int(np.searchsorted(index, late))
+        way[index] = inverse[:, at] / math.sqrt(inverse[at, at])
+        ends = [np.clip(self.unknowns + side * way, self.space.lower, self.space.upper) for side in (1.0, -1.0)]
+        costs = [0.5 * float(self.fit.weights @ (self.aim.target - self.aim.evaluated(end)) ** 2) for end in ends]
+        return float(np.clip(sum(costs) - 2.0 * self.fit.cost, LEAST_SEEN, 1.0))
 
     def likelier_than(self, other: Sharpened) -> bool:
-        """Whether it predicts at least as well; of the same samples, or on average of different ones."""
+        """Whether it went as far and predicts at least as well; of the same samples, or on average of different ones."""
+        if self.hopeless != other.hopeless:
+            return other.hopeless
         if len(self.scores) == len(other.scores):
             return likelier(self.scores, other.scores)
         return bool(np.nanmean(self.scores) <= np.nanmean(other.scores))
@@ -106,11 +128,12 @@ class Sharpened:
 
 def sharpen(
     fine: Fine, unknowns: np.ndarray, space: Space, residual: float, loss: str,
-    cancel: Callable[[], bool],
+    hopeless: Callable[[Sharpened], bool], cancel: Callable[[], bool],
 ) -> Sharpened | None:  # fmt: skip
     """Fit predictions, starting from a fit of torques; None where the recording is too coarse for them.
 
-    The law is held at first: a wrong timing would drive it off, into other minima where it has kinks.
+    The law is held at first: a wrong timing would drive it off, into other minima where it has kinks. What `hopeless` says of
+    predictions under way ends their fit.
 
     unknowns, space: law, inertia, offset and lateness (k + 3,); residual: rms of the fit before, N m.
     """
@@ -123,58 +146,64 @@ def sharpen(
         fine, predictor = clear, _predictor(clear, predictor.space, unknowns, COARSE)
     size = max(residual, 1e-9 * fine.size) / unknowns[-3]
     first = np.array([*unknowns, START_RATE, size, DRIFTING * size, SHOWN if predictor.space.free[MISSED] else 0.0])
-    found = _fitted(predictor, first, loss, cancel)
+    found = _fitted(predictor, first, loss, hopeless, cancel)
     if not space.free[-1]:
         return found
-    line, start = fine.drawn(Between.LINE), found.unknowns.copy() if found.sound else first
+    sound = found.sound and not found.hopeless
+    line, start = fine.drawn(Between.LINE), found.unknowns.copy() if sound else first
     start[MISSED] = SHOWN
     other = _predictor(line, widened(space, line), start[:-NUISANCES], COARSE)
-    if found.sound and likelier(found.scores, other.scores(other.tune(start, near=True))):
+    if sound and likelier(found.scores, other.scores(other.tune(start, near=True))):
         return found
-    momentary = _fitted(other, start, loss, cancel)
+    momentary = _fitted(other, start, loss, hopeless, cancel)
     return found if found.likelier_than(momentary) else momentary
 
 
-def _fitted(predictor: Predictor, first: np.ndarray, loss: str, cancel: Callable[[], bool]) -> Sharpened:
+def _fitted(
+    predictor: Predictor, first: np.ndarray, loss: str, hopeless: Callable[[Sharpened], bool], cancel: Callable[[], bool]
+) -> Sharpened:
     """The fit of predictions that begins at `first` (k + 7,)."""
-    start = predictor.tune(first)
-    space, exact, evaluations, rounds, level = predictor.space, predictor, 0, 0, 1.0
-    law = np.arange(len(start)) < len(start) + INERTIA
-    for spaces in (*[space.holding(law)] * 2, *[space] * ROUNDS):
-        if rounds == 1:  # noise is tuned beside a law that is nearly right
+    start, space, exact, evaluations, level = predictor.tune(first), predictor.space, predictor, 0, 1.0
+    in_time = space.holding(np.arange(len(start)) < len(start) + INERTIA)
+    for _ in range(2):
+        fit = _refined(predictor, start, in_time, loss, cancel)
+        start = fit.unknowns
+        found = Sharpened(start, space, fit, predictor.evaluations, predictor)
+        if hopeless(found):
+            return replace(found, hopeless=True)
+    for number in range(ROUNDS):
+        if number == 1:  # noise is tuned beside a law that is nearly right
             start = predictor.tune(start, near=True)
-        elif rounds:
+        elif number:
             start = predictor.scaled(start, level)
         if exact is not predictor:
             exact.encoder, evaluations, predictor = predictor.encoder, evaluations + predictor.evaluations, exact
-        predictor.weigh(start)
-        fit = refine(
-            predictor.linearised, predictor.evaluated, predictor.target, predictor.weights, start, spaces, loss,
-            iterations=15, tolerance=LEAST_GAIN / len(predictor.target), cancel=cancel,
-        )  # fmt: skip
-        power = np.sum(fit.weights[:, None] * fit.jacobian[:, spaces.free] ** 2, axis=0)
-        moved = float(np.max(np.abs(fit.unknowns - start)[spaces.free] * np.sqrt(power)))
-        start = fit.unknowns
-        exact = predictor.finer(start) if spaces is space else predictor
-        level = math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
-        if cancel() or (moved < SETTLED and rounds and exact is predictor and LEVEL[0] < level < LEVEL[1]):
+        fit = _refined(predictor, start, space, loss, cancel)
+        moved, start = _moved(fit, start, space), fit.unknowns
+        found = Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor)
+        if hopeless(found):
+            return replace(found, hopeless=True)
+        exact, level = predictor.finer(start), math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
+        if cancel() or (moved < SETTLED and number and exact is predictor and LEVEL[0] < level < LEVEL[1]):
             break
-        rounds += spaces is space
-    seen = _seen(predictor, fit)
-    return Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor, predictor.scores(start), seen)
+    return found
 
 
-def _seen(predictor: Predictor, fit: Refined) -> float:
-    """`Sharpened.seen`: half a unit of cost at one standard error of the lateness, by derivatives, beside what it is there."""
-    index, late = np.flatnonzero(predictor.space.free), len(fit.unknowns) + LATENESS
-    if late not in index:
-        return 1.0
-    inverse = curvature_inverse(fit.jacobian[:, index], fit.weights)
-    way, at = np.zeros(len(fit.unknowns)), int(np.searchsorted(index, late))
-    way[index] = inverse[:, at] / math.sqrt(inverse[at, at])
-    ends = [np.clip(fit.unknowns + side * way, predictor.space.lower, predictor.space.upper) for side in (1.0, -1.0)]
-    costs = [0.5 * float(fit.weights @ (predictor.target - predictor.evaluated(end)) ** 2) for end in ends]
-    return float(np.clip(sum(costs) - 2.0 * fit.cost, LEAST_SEEN, 1.0))
+def _refined(predictor: Predictor, start: np.ndarray, space: Space, loss: str, cancel: Callable[[], bool]) -> Refined:
+    """A fit with the weights that the filter expects at its start."""
+    predictor.weigh(start)
+    return refine(
+        predictor.linearised, predictor.evaluated, predictor.target, predictor.weights, start, space, loss,
+        iterations=15, tolerance=LEAST_GAIN / len(predictor.target), cancel=cancel,
+    )  # fmt: skip
+
+
+def _moved(fit: Refined, start: np.ndarray, space: Space) -> float:
+    """How many standard deviations a fit lies from its start, at most of any unknown."""
+    index = np.flatnonzero(space.free)
+    stds = np.sqrt(np.maximum(np.diag(curvature_inverse(fit.jacobian[:, index], fit.weights)), 0.0))
+    moves = np.abs(fit.unknowns - start)[index]
+    return float(np.max(np.divide(moves, stds, out=np.where(moves > 0.0, np.inf, 0.0), where=stds > 0.0)))
 
 
 def likelier(scores: np.ndarray, others: np.ndarray) -> bool:

@@ -26,7 +26,7 @@ DAHL = {"coulomb": 60.0, "stiffness": 3e5, "viscous": 500.0}
 
 @pytest.fixture(scope="module")
 def recorded() -> Recording:
-    return recording(axis_of(), seconds=36.0)
+    return recording(axis_of(), seconds=36.0, rate=250.0)
 
 
 @pytest.fixture(scope="module")

@@ -178,7 +178,7 @@ def test_finer_steps_of_a_walk_come_near_to_the_motion() -> None:
 
 def test_intervals_hold_and_errors_stay_at_the_bound() -> None:
     """Three axes of `./tcs bench accuracy`; loose limits, since 21 numbers scatter."""
-    found, _ = accuracy.trials(3, 1, 60.0)
+    found, _ = accuracy.trials(3, 1, 30.0)
     every = np.vstack(list(found.values()))
     assert len(every) == 21
     assert accuracy.coverage(every) >= 0.8
@@ -273,7 +273,7 @@ def test_laws_without_memory_are_predicted_while_they_slide(name: str, axes: int
 def test_a_late_log_is_found_and_does_no_harm() -> None:
     random = np.random.default_rng(9)
     axis = accuracy.draw(random)
-    run = accuracy.run_axis(axis, 2, 48.0)
+    run = accuracy.run_axis(axis, 2, 24.0)
     late = 7
     record = Recording(run.t[late:], run.position[late:], run.torque[late:])
     early = Recording(run.t[late:], run.position[late:] * 1.0, np.roll(run.torque, -late)[late:])
@@ -292,7 +292,8 @@ def test_predictions_that_contradict_the_torques_are_dropped(
 ) -> None:
     monkeypatch.setattr(identification, "WORSE", 0.0)
     monkeypatch.setattr(Sharpened, "sound", False)
-    found = identify([Recording(run.t, run.position, run.torque)], axis_of())
+    part = slice(12_000)
+    found = identify([Recording(run.t[part], run.position[part], run.torque[part])], axis_of())
     assert identification.CONTRADICTED in found.notes
     assert found.rmse.train < 0.5
 
@@ -421,7 +422,7 @@ def test_what_the_law_lacks_does_not_bend_the_inertia() -> None:
     random = np.random.default_rng([7, 1])
     axis = accuracy.draw(random)
     differing = replace(axis, effects=(instance(effect("coulomb_asymmetry"), {"asymmetry": 0.01}),))
-    found = accuracy.found_by(axis, accuracy.run_axis(differing, 5, 72.0), random)
+    found = accuracy.found_by(axis, accuracy.run_axis(differing, 5, 36.0), random)
     assert found.inertia.value == pytest.approx(axis.inertia, rel=0.15)
     assert abs(found.inertia.value - axis.inertia) < 3.0 * found.inertia.std
     assert found.parameters["static"].value == pytest.approx(axis.friction.values["static"], rel=0.005)
@@ -430,7 +431,7 @@ def test_what_the_law_lacks_does_not_bend_the_inertia() -> None:
 def test_a_bristle_too_stiff_for_the_step_does_no_harm() -> None:
     """Fast motion over bristles that saturate within a sample: predicted, with standard errors that mean something."""
     axis = axis_of({**LUGRE, "stiffness": 3e6, "damping": 0.0, "static": 78.1}, inertia=100.0)
-    t = DT * np.arange(20_000)
+    t = DT * np.arange(8_000)
     velocity = 0.4 * np.sin(2.0 * np.pi * t / 4.0)
     acceleration = np.gradient(velocity, t)
     random = np.random.default_rng(1)

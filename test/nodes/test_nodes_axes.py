@@ -398,7 +398,7 @@ def test_one_axis_is_commissioned_while_the_other_moves(together: Callable[..., 
     (tmp_path / "parameters.yaml").write_text(
         f"/azimuth/commission: {{ros__parameters: {{reference_file: {run}, measure_file: {measure}}}}}\n"
     )
-    words = {"results": tmp_path, "diagnoses": 0, "settle": 0.5, "run_until": 0.0, "period": 0.002}
+    words = {"results": tmp_path, "diagnoses": 0, "settle": 0.5, "run_until": 0.0, "period": 0.004}
     given = [word for name, value in words.items() for word in ("-p", f"{name}:={value}")]
     graph = together(*given, "--params-file", f"{tmp_path}/parameters.yaml", nodes=GRAPH, axes=axes)
     graph["/altitude/plant"].set_parameters([Parameter("run_until", value=1e6)])

@@ -92,7 +92,7 @@ def commissioned(
         effects = tuple(instance(effect("cogging"), values) for values in settings.pop("plant", (RIPPLE,)))
         effects += tuple(instance(effect("encoder_periodic_error"), values) for values in settings.pop("encoder", ()))
         save_axis(tmp_path / "plant.yaml", file.with_axis(replace(file.axis, effects=effects)))
-        values = {"axis": tmp_path / "plant.yaml", "reference_file": run, "measure_file": measure, "settle": 1.0, "period": 0.002}
+        values = {"axis": tmp_path / "plant.yaml", "reference_file": run, "measure_file": measure, "settle": 1.0, "period": 0.004}
         values |= {"run_until": 0.0, "answer_limit": 3.0, "results": tmp_path, "trials": 1, "diagnoses": 2} | settings
         words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
         return together(*words, nodes=GRAPH), told

@@ -34,7 +34,7 @@ def short(tmp_path: Path) -> list[str]:
     run.write_text("reference: {kind: legs, speed: 1.7453293e-3, leg: 1.5, acceleration: 5.0e-3, duration: 6.0}\n")
     measure.write_text("reference: {kind: sinusoid, amplitude: 3.0e-3, period: 10.0, duration: 12.0}\n")
     arguments = {"reference_file": run, "measure_file": measure, "settle": 1.0, "run_until": 0.0, "answer_limit": 3.0}
-    arguments |= {"results": tmp_path, "diagnoses": 0, "period": 0.002}
+    arguments |= {"results": tmp_path, "diagnoses": 0, "period": 0.004}
     return [word for name, value in arguments.items() for word in ("-p", f"{name}:={value}")]
 
 

@@ -48,7 +48,7 @@ class Goal:
 def test_a_graph_killed_in_the_middle_goes_on_with_what_it_had_not_done(processes: Any, caller: Any, tmp_path: Path) -> None:
     run, measure = short_runs(tmp_path)
     run.write_text(run.read_text().replace("duration: 4.5", "duration: 9.0"))  # reversals enough to say that they are better
-    given = {"measure_file": measure, "results": tmp_path, "diagnoses": 0, "settle": 0.5, "period": 0.002, "run_until": 0.0}
+    given = {"measure_file": measure, "results": tmp_path, "diagnoses": 0, "settle": 0.5, "period": 0.004, "run_until": 0.0}
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
     options = ("--reference", str(run))
     client, out = ActionClient(caller.driver, CommissionAction, "commission/commission"), tmp_path / "out"
