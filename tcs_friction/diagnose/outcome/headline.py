@@ -14,8 +14,7 @@ NAMED_FIRST = 3  # effects with a name of their own in a headline
 def headline(verdict: str, effects: Sequence[Found], unexplained: Unexplained, law: str = "") -> str:
     """One sentence for a verdict. law: the friction law that serves better than the believed one, in words."""
     names = effect_words(effects)
-    more = len(names) - NAMED_FIRST
-    named = ", ".join([*names[:NAMED_FIRST], f"and {more} more"]) if more > 0 else listed(names)
+    named = _first(names, NAMED_FIRST)
     if verdict == "match":
         return "The model matches the recording: what it leaves is noise."
     if verdict == "parameters":
@@ -25,4 +24,9 @@ def headline(verdict: str, effects: Sequence[Found], unexplained: Unexplained, l
     if names and not unexplained.present:
         return f"A simulation with {named} moves no better."
     over = " and ".join((unexplained.where or {}).get("coordinates", [])) or "time"
-    return f"Something outside the vocabulary remains over {over}{f', beside {named}' if named else ''}."
+    return f"Something outside the vocabulary remains over {over}{f', beside {_first(names, 1)}' if names else ''}."
+
+
+def _first(names: Sequence[str], count: int) -> str:
+    """The first names, and how many more there are."""
+    return listed(names) if len(names) <= count else listed([*names[:count], f"{len(names) - count} more"])
