@@ -7,7 +7,7 @@ In: the axis file and an `Explanation`: the retuned fit, the improved one, the s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -28,14 +28,13 @@ from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.free_run import (
-    moves_worse,
     telling_horizon,
-    typical,
     usable_horizon,
     window_errors,
 )
 from tcs_friction.diagnose.outcome.friction_speed import friction_by_speed
 from tcs_friction.diagnose.outcome.headline import headline
+from tcs_friction.diagnose.outcome.moved import Moved, refused_by_motion
 from tcs_friction.diagnose.outcome.parameter_table import parameter_table
 from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
@@ -48,7 +47,6 @@ from tcs_friction.diagnose.search.late_log import torque_acts
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
@@ -73,36 +71,6 @@ def _without_a_map_that_predicts_worse(balance: TorqueBalance, explanation: Expl
 
 
 @dataclass(frozen=True)
-class _Moved:
-    """Errors (w,) in windows of a simulation in motion: by name of an axis, and of any other axis."""
-
-    of_axis: Callable[[Axis], np.ndarray]
-    errors: Mapping[str, np.ndarray]
-
-    @classmethod
-    def of(cls, of_axis: Callable[[Axis], np.ndarray], axes: Mapping[str, Axis]) -> _Moved:
-        return cls(of_axis, {name: of_axis(axis) for name, axis in axes.items()})
-
-    @property
-    def improved_is_worse(self) -> bool:
-        """Whether the improved axis moves worse than the retuned one."""
-        return moves_worse(self.errors["improved"], self.errors["retuned"])
-
-    @property
-    def believed_is_best(self) -> bool:
-        """Whether the retuned and the improved axis both move worse than the believed one."""
-        return all(moves_worse(self.errors[name], self.errors["believed"]) for name in ("retuned", "improved"))
-
-    def typical(self) -> dict[str, float]:
-        """The typical error of each axis by name."""
-        return {name: typical(windows) for name, windows in self.errors.items()}
-
-    def worse(self, axis: Axis) -> bool:
-        """Whether an axis moves worse than the retuned one."""
-        return moves_worse(self.of_axis(axis), self.errors["retuned"])
-
-
-@dataclass(frozen=True)
 class _Conclusion:
     """What the parts of a result are made from."""
 
@@ -121,9 +89,9 @@ class _Conclusion:
         floor = noise_floor(self.balance, residuals["improved"])
         every = found_effects(self.balance, self.explanation, believed, floor)
         horizon = telling_horizon(data, axes["improved"], axes["retuned"])
-        free, loop = _Moved.of(partial(window_errors, data, horizon=horizon), axes), self._followed(axes)
+        free, loop = Moved.of(partial(window_errors, data, horizon=horizon), axes), self._followed(axes)
         every = tuple(one.unless(self._effects_predict_worse()) for one in every)
-        every = self._moving(every, [free, *([loop] if loop else [])])
+        every = refused_by_motion(every, [free, *([loop] if loop else [])], self.explanation, unit_of("position", believed))
         worse = tuple(one for one in every if any(refusal.rule in (rules.MOVES, rules.BELIEVED_BEST) for refusal in one.refused))
         found = tuple(one for one in every if one.established)
         described = tuple(one for one in every if not one.established)
@@ -196,40 +164,11 @@ class _Conclusion:
         words = f"all effects together predict held-out data worse than none: {improved:.2g} {unit} against {retuned:.2g}"
         return Refusal(rules.ALL_PREDICT, words, {"with": improved, "without": retuned})
 
-    def _followed(self, axes: Mapping[str, Axis]) -> _Moved | None:
+    def _followed(self, axes: Mapping[str, Axis]) -> Moved | None:
         """How the axes move in the closed loop; None without one, or where none of them predicts what was recorded of it."""
         loop = closed_loop(self.balance.data, self.file, usable_horizon(self.balance.data))
-        followed = _Moved.of(loop.errors, axes) if loop is not None else None
+        followed = Moved.of(loop.errors, axes) if loop is not None else None
         return followed if loop and followed and any(map(loop.predicts, followed.errors.values())) else None
-
-    def _moving(self, every: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
-        """The effects, those among named ones refused with which a simulation moves worse than retuned, and not without them.
-
-        Where it moves worse collisions are always among them: none comes at its exact time, and the torque that they leave counts
-        as their own, so that only a better motion proves them. Where the believed axis moves best all of them are: beside numbers
-        that were led astray nothing is proven.
-        """
-        best = [proof for proof in proofs if proof.believed_is_best] if rules.BELIEVED_BEST.asked else []
-        if best:
-            refusal = Refusal(rules.BELIEVED_BEST, "the axis as believed moves better than it does retuned", best[0].typical())
-            return tuple(one.unless(refusal) if one.established else one for one in every)
-        explanation = self.explanation
-        worse = [proof for proof in proofs if proof.improved_is_worse] if rules.MOVES.asked else []
-        if worse and explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
-            worse = [proof for proof in worse if proof.worse(explanation.unmapped.axis)]
-
-        def at_fault(item: Instance) -> bool:
-            return item.term.collides or any(not proof.worse(explanation.without(item).axis) for proof in worse)
-
-        def judged_by(one: Found) -> Refusal | None:
-            if not (worse and one.established and at_fault(one.instance)):
-                return None
-            errors = worse[0].typical()
-            unit = unit_of("position", self.file.axis)
-            words = f"a simulation moves worse with it: {errors['improved']:.2g} {unit} rms against {errors['retuned']:.2g}"
-            return Refusal(rules.MOVES, words, errors)
-
-        return tuple(one.unless(judged_by(one)) for one in every)
 
     def _left_by_a_constant(self, errors: Mapping[str, Errors]) -> float | None:
         """What a constant torque leaves of the logged one in held-out data, where every axis leaves far more; else None."""

@@ -20,9 +20,9 @@ from tcs_friction.diagnose.dataset.excitation import passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE
-from tcs_friction.diagnose.fit.parameters import Form, amplitudes, moved
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, Agreement, agreement_on, judged
 from tcs_friction.diagnose.outcome.explanation import Explanation
+from tcs_friction.diagnose.outcome.found_parameters import parameters_of, parameters_of_law
 from tcs_friction.diagnose.outcome.other_form import gain_in_other_forms
 from tcs_friction.diagnose.outcome.plots import where
 from tcs_friction.diagnose.outcome.result import Found
@@ -36,7 +36,7 @@ from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.rivals import NEARLY
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Parameter, Place, Role
+from tcs_friction.physics.terms import Instance, Place, Role
 
 NAMED = 0.9  # probability from which an effect is named, not only described: a wrong name is nine times as bad as none
 RESOLVED = 2.0  # standard deviations from zero, that the size of an effect must be
@@ -88,13 +88,14 @@ class _Proof:
         equivalent = contest.equivalent if contest is not None else ()
         gain = contest.gain if contest is not None else 0.0
         kinds = tuple(kind for candidate in equivalent for kind in candidate.kinds)
-        return self._proven(item, kinds, self._parameters(item), self._size(item), gain, fit.numbers_of(item))
+        told = parameters_of(self.balance, fit, item)
+        return self._proven(item, kinds, told, self._size(item), gain, fit.numbers_of(item))
 
     def lacked(self, lack: Lack) -> Found:
         """What the believed law lacks of the improved axis' law, with its proof."""
         fit, item = self.fit, lack.effect
         count = max(len(fit.free) - len(lack.without.free), 1)
-        return self._proven(item, (), self._parameters_of_law(lack), self._size(item), lack.gain, count)
+        return self._proven(item, (), parameters_of_law(self.fit, lack), self._size(item), lack.gain, count)
 
     def outshone(self, one: Found, named: Sequence[Found], left: float) -> Refusal | None:
         """Where an effect is within what is left (N m) and small beside a named one, which does the same in another form.
@@ -261,58 +262,6 @@ class _Proof:
         """Its rms where the recording is compared with the model: not where friction is unknown, as at rest."""
         return rms(self._torque(item)[self.balance.train | self.balance.held_out])
 
-    def _parameters_of_law(self, lack: Lack) -> dict[str, dict[str, Any]]:
-        """What a law says of an effect that completes it, with standard deviations to first order."""
-        fit, term = self.fit, lack.effect.term
-        covariance = fit.covariance * fit.squares.dispersion
-
-        def stated(axis: Axis) -> dict[str, float]:
-            return dict(term.of_law(axis.friction.values_of_law))
-
-        here = stated(fit.axis)
-        slopes = {
-            name: np.array(
-                [
-                    (stated(moved(fit.axis, fit.free, k, n.step))[name] - value) / n.step
-                    for k, n in enumerate(fit.free)
-                ]
-            )
-            for name, value in here.items()
-        }
-        return {
-            name: {
-                "value": value,
-                "std": math.sqrt(max(float(slopes[name] @ covariance @ slopes[name]), 0.0)),
-                "unit": term.parameter(name).unit_for(fit.axis.kind, fit.axis.torque_unit),
-            }
-            for name, value in here.items()
-        }
-
-    def _parameters(self, item: Instance) -> dict[str, dict[str, Any]]:
-        """Value, standard deviation and unit of every parameter that was free."""
-        fit = self.fit
-        numbers = {(n.name, n.form): k for k, n in enumerate(fit.free) if n.effect == item.identity}
-        covariance = fit.covariance * fit.squares.dispersion
-        result: dict[str, dict[str, Any]] = {}
-        for parameter, phase in amplitudes(item.term.parameters):
-            if parameter.role is Role.FIXED or item.values[parameter.name] == parameter.default:
-                continue
-            for each, deviation in _deviations(parameter, phase, item, numbers, covariance):
-                unit = each.unit_for(fit.axis.kind, fit.axis.torque_unit)
-                if item.term.discontinuous and item.term.coordinate == "time" and each.role is Role.SHAPE:
-                    deviation = max(deviation, self._moment_within(item.values[each.name]))
-                if each.name == item.term.alignment:  # the log may have the torque at either end of its leeway
-                    deviation = math.hypot(deviation, self.balance.data.leeway / math.sqrt(3.0))
-                result[each.name] = {"value": item.values[each.name], "std": deviation, "unit": unit}
-        return result
-
-    def _moment_within(self, moment: float) -> float:
-        """Standard deviation (s) of a moment between two fitted samples, at one of which it is, or in what the low pass blurs."""
-        t = self.balance.data.joined("t")[self.balance.samples.rows]
-        after = int(np.clip(np.searchsorted(t, moment), 1, len(t) - 1))
-        gap = max(float(t[after] - t[after - 1]), 1.0 / self.balance.data.cutoff)
-        return gap / math.sqrt(3.0)
-
 
 def _far_larger(other: Found, one: Found) -> bool:
     """Whether the torque of another effect is so much larger that what its form does not meet may be as large as one."""
@@ -337,30 +286,3 @@ def _not_resolved(item: Instance, parameters: Mapping[str, Mapping[str, Any]]) -
     value, std = (float(parameters[names[0]][key]) for key in ("value", "std"))
     words = f"its {names[0]} is not told from zero: {value:.2g} ± {std:.2g}"
     return Refusal(rules.SIZE_TOLD, words, {"value": value, "std": std})
-
-
-def _deviations(
-    parameter: Parameter,
-    phase: Parameter | None,
-    item: Instance,
-    numbers: Mapping[tuple[str, Form], int],
-    covariance: np.ndarray,
-) -> list[tuple[Parameter, float]]:
-    """Standard deviation of a parameter and of its phase, of those that were free; linear about the optimum."""
-    value = item.values[parameter.name]
-    if phase is None:
-        for form, scale in ((Form.LOGARITHM, abs(value)), (Form.PLAIN, 1.0)):
-            if (parameter.name, form) in numbers:
-                k = numbers[parameter.name, form]
-                return [(parameter, scale * math.sqrt(covariance[k][k]))]
-        return []
-    if (parameter.name, Form.COSINE) not in numbers:
-        return []
-    both = [numbers[parameter.name, form] for form in (Form.COSINE, Form.SINE)]
-    block, angle = covariance[np.ix_(both, both)], item.values[phase.name]
-    along = np.array([math.cos(angle), math.sin(angle)])
-    across = np.array([-math.sin(angle), math.cos(angle)]) / max(value, 1e-300)
-    return [
-        (each, math.sqrt(max(float(direction @ block @ direction), 0.0)))
-        for each, direction in ((parameter, along), (phase, across))
-    ]
