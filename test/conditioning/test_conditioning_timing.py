@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from tcs_friction.conditioning.hold import Between
 from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.conditioning.timing import LogTiming, TorqueActs, log_timing
 from tcs_friction.recording.recording import Recording
@@ -32,18 +33,21 @@ def phase(torque: np.ndarray, t: np.ndarray) -> float:
 
 @pytest.mark.parametrize(("acts", "late"), [(None, 0.0), (0.0, 0.5 * PERIOD), (-PERIOD, -0.5 * PERIOD), (-0.012, -0.01)])
 def test_torque_is_what_its_hold_makes_of_it(acts: float | None, late: float) -> None:
-    """A held value lags by half of its hold; the image of a hold attenuates by the sine cardinal."""
+    """A held value lags by half of its hold, and the hold attenuates by the sine cardinal; a momentary value does neither."""
     (stretch,) = prepare([recording(np.sin(RATE * T), acts)]).stretches
     assert phase(stretch.torque, stretch.t) == pytest.approx(late, abs=2e-5)
     inside = (stretch.t > 2.0) & (stretch.t < 18.0)
     size = np.sqrt(2.0) * np.std(stretch.torque[inside])
-    assert size == pytest.approx(np.sinc(RATE * PERIOD / (2.0 * np.pi)), abs=1e-3)
+    assert size == pytest.approx(1.0 if acts is None else np.sinc(RATE * PERIOD / (2.0 * np.pi)), abs=2e-4)
 
 
 def test_what_stamps_may_mean_is_one_renewal_of_the_torque() -> None:
     every_third = np.sin(RATE * T)[np.arange(len(T)) // 3 * 3]
-    assert log_timing(recording(np.sin(RATE * T))) == LogTiming(pytest.approx(-0.5 * PERIOD), pytest.approx(0.5 * PERIOD))  # type: ignore[arg-type]
-    assert log_timing(recording(every_third)).leeway == pytest.approx(1.5 * PERIOD)
+    momentary, repeated = log_timing(recording(np.sin(RATE * T))), log_timing(recording(every_third))
+    assert (momentary.acts, momentary.leeway) == (pytest.approx(-0.5 * PERIOD), pytest.approx(0.5 * PERIOD))
+    assert momentary.between is Between.LINE
+    assert repeated.leeway == pytest.approx(1.5 * PERIOD)
+    assert repeated.between is Between.HELD, "the log repeats each value"
     stated = log_timing(recording(every_third, -1e-3))
     assert (stated.acts, stated.leeway, stated.stated) == (-1e-3, 0.0, True)
     own = replace(recording(every_third), torque_log=np.array([T, every_third]))
@@ -62,7 +66,10 @@ def test_of_a_position_that_is_renewed_every_third_sample_the_new_ones_count() -
 
 def test_what_is_known_of_the_timing_is_said() -> None:
     free, stated = LogTiming(-2e-3, 2e-3), LogTiming(-1e-3, 0.0)
-    assert TorqueActs(-3.5e-3, 1e-4, True, free).words == "the logged torque begins to act -3.5 ± 0.1 ms after its stamp"
+    held = TorqueActs(-3.5e-3, 1e-4, True, free)
+    assert held.words == "the logged torque is held and begins to act -3.5 ± 0.1 ms after its stamp"
+    momentary = TorqueActs(-1.5e-3, 1e-4, True, replace(free, between=Between.LINE))
+    assert momentary.words == "the logged torque is momentary and acts 0.5 ± 0.1 ms after its stamp"
     assert TorqueActs(-8e-3, 1e-4, True, free).words.endswith("the log is out of step")
     assert "anywhere within 4 ms before its stamp" in TorqueActs(-2e-3, 1e-3, False, free).words
     assert TorqueActs(-1e-3, 0.0, True, stated).words.endswith("-1 ms after its stamp on, as stated")

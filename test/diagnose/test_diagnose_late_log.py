@@ -7,9 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_loop_cases import telescope, telescope_file
+from concealed_torque_cases import axis, conditioned
 
+from tcs_friction.conditioning.data_set import DataSet
+from tcs_friction.conditioning.hold import Between
+from tcs_friction.conditioning.timing import LogTiming
+from tcs_friction.diagnose.fit.balance import TorqueBalance
+from tcs_friction.diagnose.fit.joint_fit import settle
+from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.diagnose.search.late_log import as_timed
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
@@ -39,6 +47,27 @@ def test_a_late_log_is_no_physics() -> None:
     signals = found.axis_file.signals
     assert signals is not None
     assert signals.torque.acts == pytest.approx(acts.acts)
+
+
+@pytest.mark.parametrize(
+    ("late", "sure", "held"), [(1e-3, True, False), (-4e-3, True, True), (4e-3, True, True), (4e-3, False, False)]
+)
+def test_values_are_held_where_their_middle_is_nearer_to_that_of_a_hold(late: float, sure: bool, held: bool) -> None:
+    """Logged every 10 ms: the middle of a hold is 5 ms from the stamp, that of a momentary value at it."""
+    timing = LogTiming(-5e-3, 5e-3, between=Between.LINE)
+    data = replace(conditioned(np.random.default_rng(3), seconds=80.0), timings=(timing,))
+    balance = TorqueBalance(data)
+    fit = settle(balance, axis(), white_noise(balance.samples), rounds=1)
+    asked: list[tuple[LogTiming, ...]] = []
+
+    def prepared(timings: tuple[LogTiming, ...]) -> DataSet:
+        asked.append(timings)
+        return replace(data, timings=timings)
+
+    told = replace(fit, axis=replace(fit.axis, lateness=late), covariance=(1e-9 if sure else 1e9) * fit.covariance)
+    again, _ = as_timed(balance, told, prepared)
+    assert (again is balance) is not held
+    assert asked == ([(replace(timing, between=Between.HELD),)] if held else [])
 
 
 def test_what_is_stated_is_used() -> None:
