@@ -225,13 +225,21 @@ class _Conclusion:
             return Verdict.UNEXPLAINED
         if found:
             return Verdict.MISSING_PHYSICS if moves_better else Verdict.UNEXPLAINED
-        aligned = replace(self.file.axis, lateness=fit.axis.lateness)
+        aligned = self._as_timed(fit.axis.lateness)
         if fit.axis.friction.term is not self.file.axis.friction.term:
             left = self._errors(self._residual(aligned)).train
             return Verdict.PARAMETERS if left > WRONG_PARAMETERS * errors["improved"].train else Verdict.MATCH
         gain = (self.balance.squares(aligned, fit.noise) - fit.squares) / fit.squares.dispersion
         worse = _is_worse(self._errors(self._residual(aligned)), errors)
         return Verdict.PARAMETERS if gain > chance(len(fit.free)) and worse else Verdict.MATCH
+
+    def _as_timed(self, late: float) -> Axis:
+        """The believed axis with the torque so much later, s, or as it stands, whichever leaves less.
+
+        A recording that does not tell the timing may have it anywhere, and what that leaves is no fault of the parameters.
+        """
+        axes = (self.file.axis, replace(self.file.axis, lateness=late))
+        return min(axes, key=lambda axis: self._errors(self._residual(axis)).train)
 
     def _unexplained(self, errors: Mapping[str, Errors], floor: float, described: Sequence[Found]) -> Unexplained:
         """Structure that remains; where none is found, a residual far above the noise is structure in time.
