@@ -72,7 +72,7 @@ _left_out: set[str] = set()
 
 @contextmanager
 def without(names: Collection[str]) -> Iterator[None]:
-    """Leave out the rules with these names; of the whole process, for benchmarks."""
+    """Leave out the rules with these names, in the whole process: for a benchmark, which has processes of its own."""
     added = set(names) - _left_out
     _left_out.update(added)
     try:
