@@ -1,4 +1,4 @@
-"""Real time under faults: processes killed, stopped and restarted at random, clocks stepped, messages garbled and doubled.
+"""Real time under faults: processes killed, stopped, restarted; clocks stepped; messages garbled, doubled, swapped, lost.
 
 Every node is a real process. The loop's five drive the simulated telescope along a sinusoid; beside them run identifier,
 diagnoser and commission, a recorder, a player, and a dynamometer on a simulated gauge. One fault after the other is injected,

@@ -1,4 +1,4 @@
-"""Nodes in processes of their own; the publishers of the loop garble and double messages, a driver's clock steps."""
+"""Nodes in processes of their own; the publishers of the loop garble, double, swap and lose messages, a driver's clock steps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tcs_friction.nodes.graph import LOOP, ending, module_of, node_names
 
 PERIOD = 0.01
 """s; five Python processes hold 100 Hz on any machine."""
-GARBLED, DOUBLED = 0.01, 0.01
+GARBLED, DOUBLED, SWAPPED, LOST = 0.01, 0.01, 0.01, 0.01
 """Shares of the messages."""
 CLOCK_STEP = 2.0  # s
 TRUE_STATES, TRUE_REFERENCE = "true_joint_states", "true_reference"
@@ -156,15 +156,18 @@ def _step_clock(plant: Any, seconds: float) -> None:
 
 
 class Faulty:
-    """A publisher some of whose messages come garbled, twice, or once more when they are old; the node reports how many."""
+    """A publisher some of whose messages are lost, come after the next one, garbled, twice, or once more when they are old.
+
+    The node reports how many were garbled.
+    """
 
     def __init__(self, node: Any, publisher: Any, chance: random.Random) -> None:
         self._node, self._publisher, self._chance = node, publisher, chance
-        self._old = b""
+        self._old = self._late = b""
         self._beyond_doubt = 0
 
     def publish(self, data: bytes) -> None:
-        self._publisher.publish(data)
+        self._pass_on(data)
         if self._chance.random() < GARBLED:
             broken = garbled(data, self._chance)
             self._publisher.publish(broken)
@@ -174,6 +177,18 @@ class Faulty:
             self._publisher.publish(data)
             self._publisher.publish(self._old or data)
             self._old = data
+
+    def _pass_on(self, data: bytes) -> None:
+        draw = self._chance.random()
+        if draw < LOST:
+            return
+        if draw < LOST + SWAPPED and not self._late:
+            self._late = data
+            return
+        self._publisher.publish(data)
+        if self._late:
+            self._publisher.publish(self._late)
+            self._late = b""
 
 
 class _Truthful(Faulty):

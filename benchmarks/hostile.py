@@ -1,4 +1,4 @@
-"""Files drawn to hurt: bags, tables, axis and reference files, results; plug-ins, requests and command lines.
+"""Files drawn to hurt: bags, tables, axis and reference files, results; plug-ins, requests and command lines; killed runs.
 
 They are damaged, or made to claim, unpack to or ask for much more than they are. Every reading has to end with a recording, an
 axis or one line; none may take more than 10 s of processor time or 1 GB. What fails is kept and named.
@@ -19,7 +19,14 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from benchmarks import hostile_bags, hostile_others, hostile_results, hostile_tables, hostile_yaml
+from benchmarks import (
+    hostile_bags,
+    hostile_others,
+    hostile_results,
+    hostile_tables,
+    hostile_writing,
+    hostile_yaml,
+)
 from benchmarks.children import deaf, ended_with_this
 from tcs_friction.config import load_axis
 from tcs_friction.control.reference import load_reference
@@ -44,9 +51,10 @@ KINDS: dict[str, dict[hostile_bags.Maker, tuple[int, int]]] = {
     "plug-ins": hostile_others.PLUG_INS,
     "requests": hostile_others.REQUESTS,
     "command lines": hostile_others.COMMAND_LINES,
+    "writing": hostile_writing.WRITING,
 }
 
-WHOLE = ("motions", "plug-ins", "requests", "command lines")
+WHOLE = ("motions", "plug-ins", "requests", "command lines", "writing")
 """Kinds that damage would only turn into others."""
 
 
@@ -147,6 +155,7 @@ READINGS: dict[str, Callable[[Path], list[Callable[[], object]]]] = {
     "plug-ins": hostile_others.reading_plug_in,
     "requests": hostile_others.reading_request,
     "command lines": hostile_others.reading_words,
+    "writing": hostile_writing.reading_writing,
 }
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +36,8 @@ HEARTBEAT, SYNC_LOST = 0x8130, 0x8700
 STEP = 1e-3  # s, of the simulation
 LOOK_EVERY = 0.005  # s
 AT_REST = 1e-4  # rad/s
+READ_ONLY = 0x06010002
+"""Abort code of CiA 301."""
 
 
 @dataclass
@@ -49,6 +52,12 @@ class Faults:
     """Of so many SYNCs it answers one."""
     dead: bool = False
     """It says nothing and hears nothing."""
+    lacks: tuple[int, ...] = ()
+    """Objects that it does not have."""
+    has: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    """Values of further objects, by index and subindex."""
+    keeps: tuple[int, ...] = ()
+    """Objects that it does not let be written."""
 
 
 @dataclass
@@ -88,6 +97,11 @@ class SimulatedDrive:
         values = {od.RATED_TORQUE: round(1e3 * self.rated_torque), od.RATED_CURRENT: 10_000, od.MODES: 1 << 9, od.MODE: 0}
         for index, value in {**values, od.MOST_TORQUE: 1000, od.MOST_CURRENT: 1000}.items():
             self._put(index, value)
+        for (index, sub), value in self.faults.has.items():
+            self.node.set_data(index, sub, self.node.object_dictionary.get_variable(index, sub).encode_raw(value))
+        for index in self.faults.lacks:
+            del self.node.object_dictionary[index]
+        self.node.add_write_callback(self._refuse)
         self._put(od.PRODUCER, 0)
         self.node.add_read_callback(self._read)
         for identifier, hear in ((0x80, self._on_sync), (0x200 + self.settings.node_id, self._on_target)):
@@ -133,6 +147,10 @@ class SimulatedDrive:
         except KeyError:
             return 0
 
+    def _refuse(self, index: int, **_: Any) -> None:
+        if index in self.faults.keeps:
+            raise canopen.SdoAbortedError(READ_ONLY)
+
     def _read(self, index: int, **_: Any) -> int | None:
         """The objects that are measured."""
         if index == od.MODES and self.faults.no_such_mode:
@@ -149,6 +167,7 @@ class SimulatedDrive:
             od.MODE_SHOWN: mode,
             od.SPEED: round(axis.measured_velocity / self.scale.speed(1)),
             od.TORQUE: self.scale.per_mille(self.torque),
+            od.CURRENT: self.scale.per_mille(self.torque),
             od.ERROR: self._error,
         }
 
@@ -240,4 +259,4 @@ class SimulatedDrive:
                     self.node.nmt.stop_heartbeat()
 
 
-MEASURED = (od.STATUSWORD, od.POSITION, od.MODE_SHOWN, od.SPEED, od.TORQUE, od.ERROR)
+MEASURED = (od.STATUSWORD, od.POSITION, od.MODE_SHOWN, od.SPEED, od.TORQUE, od.CURRENT, od.ERROR)

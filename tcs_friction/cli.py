@@ -23,6 +23,7 @@ COMMANDS = {
     "demo": "measure, identify, compensate, measure again: the paper's loop on the node graph",
     "node": "run one node",
     "graph": "run the whole graph",
+    "ros": "services, topics, parameters, life cycles and actions of the running graph, as `ros2` has them",
     "live": "show the running graph on a web page",
     "simulate": "simulate an axis and its controller; writes a bag",
     "identify": "identify inertia and friction from bags",

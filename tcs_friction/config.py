@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tcs_friction.control.compensator import CompensatorConfig
+from tcs_friction.control.compensator import CompensatorConfig, LugreParameters
 from tcs_friction.control.config_field import from_mapping
 from tcs_friction.control.loop import LoopConfig
 from tcs_friction.control.observer import NominalPlant
@@ -35,7 +35,7 @@ from tcs_friction.yaml_files import dump_yaml, load_yaml
 
 T = TypeVar("T")
 
-AXIS_KEYS = ("name", "kind", "inertia", "actuation_delay", "friction", "effects", "sensors", "drive")
+AXIS_KEYS = ("name", "kind", "inertia", "actuation_delay", "friction", "effects", "sensors", "drive", "continuous")
 EFFECT_KEYS = ("effect", "parameters", "signal", "table")
 SPEED_LOOP = 60.0  # rad/s, crossover of a cautious speed loop
 PERIODS = 20.0  # of the control, in a cycle of that crossover
@@ -53,9 +53,21 @@ class Control:
     limits: Mapping[str, float] = field(default_factory=dict)
     """Those of `torque_gate.TorqueLimits` that the file states, by name."""
 
-    def to_mapping(self) -> dict[str, Any]:
-        """The `control:` block that `parse_control` reads back."""
-        return {name: dict(part) for name, part in asdict(self).items() if part}
+    def to_mapping(self, axis: Axis) -> dict[str, Any]:
+        """The `control:` block of this axis' file; a direction of the compensator that has the axis' friction is left out."""
+        content = {name: dict(part) for name, part in asdict(self).items() if part}
+        for direction in own_friction(axis):
+            if content["compensator"][direction] == own_friction(axis)[direction]:
+                del content["compensator"][direction]
+        return content
+
+
+def own_friction(axis: Axis) -> dict[str, dict[str, float]]:
+    """What a compensator has for each direction where nothing else is stated: the axis' friction, if it is of a LuGre axis."""
+    values, names = axis.friction.values, [entry.name for entry in fields(LugreParameters)]
+    if not set(names) <= values.keys():
+        return {}
+    return {direction: {name: float(values[name]) for name in names} for direction in ("positive", "negative")}
 
 
 def default_control(axis: Axis, period: float = LoopConfig.period) -> Control:
@@ -79,7 +91,8 @@ def default_control(axis: Axis, period: float = LoopConfig.period) -> Control:
         bandwidth=ObserverSettings.bandwidth * slower,
         actuation_delay=min(axis.actuation_delay, 0.1),
     )
-    return Control(controller, observer, loop=LoopConfig(period=period))
+    compensator = from_mapping(CompensatorConfig, own_friction(axis), "control: compensator")
+    return Control(controller, observer, compensator, LoopConfig(period=period))
 
 
 @dataclass(frozen=True)
@@ -160,7 +173,7 @@ def load_axis(path: Path, inertia: float | None = None) -> AxisFile:
         SignalMap.from_mapping(content["signals"], where) if content.get("signals") is not None else None
     )
     control = (
-        parse_control(content["control"], f"{where}: control") if content.get("control") is not None else None
+        parse_control(content["control"], f"{where}: control", axis) if content.get("control") is not None else None
     )
     return AxisFile(axis, signals, control)
 
@@ -184,8 +197,11 @@ def parse_axis(value: object, source: str = "axis", inertia: float | None = None
         "kind": str(block.get("kind", "rotary")),
         "actuation_delay": _number(block.get("actuation_delay", 0.0), f"{where}: actuation_delay"),
         "sensors": _parse_numbers(Sensors, _given(block, "sensors", {}), f"{where}: sensors"),
+        "continuous": _given(block, "continuous", False),
         "drive": _parse_numbers(Drive, _given(block, "drive", {}), f"{where}: drive"),
     }
+    if not isinstance(parts["continuous"], bool):
+        raise InputError(f"{where}: continuous", repr(parts["continuous"]), "true or false")
     try:
         return Axis(**parts)
     except InputError as error:
@@ -198,9 +214,13 @@ def _given(block: Mapping[str, Any], key: str, default: object) -> object:
     return default if value is None else value
 
 
-def parse_control(value: object, where: str = "control") -> Control:
-    """The `control:` block."""
+def parse_control(value: object, where: str, axis: Axis) -> Control:
+    """The `control:` block of an axis' file. Friction that it does not state is that of the axis."""
     block = mapping(value, where, tuple(entry.name for entry in fields(Control)))
+    stated = dict(mapping(_given(block, "compensator", {}), f"{where}: compensator"))
+    for direction, own in own_friction(axis).items():
+        stated[direction] = {**own, **mapping(stated.get(direction, {}), f"{where}: compensator: {direction}")}
+    block = {**block, "compensator": stated}
     kinds: dict[str, Any] = {
         "controller": PidConfig,
         "observer": ObserverSettings,
@@ -293,6 +313,8 @@ def axis_mapping(axis: Axis) -> dict[str, Any]:
     block: dict[str, Any] = {"name": axis.name, "kind": axis.kind, "inertia": float(axis.inertia)}
     if axis.actuation_delay:
         block["actuation_delay"] = float(axis.actuation_delay)
+    if axis.continuous:
+        block["continuous"] = True
     block["friction"] = {"law": axis.friction.term.id, **_plain(axis.friction.values)}
     block["effects"] = [_effect_mapping(item) for item in axis.effects]
     for name, part in (("sensors", axis.sensors), ("drive", axis.drive)):
@@ -329,7 +351,7 @@ def axis_file_mapping(file: AxisFile) -> dict[str, Any]:
     if file.signals is not None:
         content["signals"] = file.signals.to_mapping()
     if file.control is not None:
-        content["control"] = file.control.to_mapping()
+        content["control"] = file.control.to_mapping(file.axis)
     return content
 
 

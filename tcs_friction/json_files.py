@@ -62,9 +62,21 @@ class Json:
         limits = [f"from {lower:g}"] if math.isfinite(lower) else []
         limits += [f"to {upper:g}"] if math.isfinite(upper) else []
         expected = " ".join(["a number", *limits]) if limits else "a finite number"
-        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+        number = self._number(expected)
+        if not lower <= number <= upper:
             self._refuse(expected)
-        if not (abs(self.value) < math.inf and lower <= self.value <= upper):
+        return number
+
+    def above(self, limit: float) -> float:
+        """A finite number above this limit."""
+        expected = f"a number above {limit:g}"
+        number = self._number(expected)
+        if not number > limit:
+            self._refuse(expected)
+        return number
+
+    def _number(self, expected: str) -> float:
+        if isinstance(self.value, bool) or not isinstance(self.value, int | float) or not abs(self.value) < math.inf:
             self._refuse(expected)
         return float(self.value)
 

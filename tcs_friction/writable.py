@@ -103,18 +103,28 @@ def scratch_beside(path: Path) -> Path:
 
 
 @contextlib.contextmanager
-def staged(directory: Path) -> Iterator[Path]:
+def staged(directory: Path, *others: str) -> Iterator[Path]:
     """A folder to write into, whose files move into `directory` when all are there; an error leaves nothing behind.
 
-    Raises InputError when `directory` cannot be written to.
+    others: names, or patterns, of files that only some runs write. What an earlier run has left of all these goes first, so that
+    whoever ends the process in between leaves files of one run. Raises InputError when `directory` cannot be written to.
     """
     part: Path | None = None
     try:
         with writing_into(directory):
             part = Path(tempfile.mkdtemp(prefix=".part-", dir=directory))
             yield part
-            for path in sorted(part.iterdir(), key=lambda path: path.suffix == ".html"):
+            new = sorted(part.iterdir(), key=_is_page)
+            left = {directory / path.name for path in new}.union(*(directory.glob(name) for name in others))
+            for old in sorted(left, key=_is_page, reverse=True):
+                old.unlink(missing_ok=True)
+            for path in new:
                 os.replace(path, directory / path.name)
     finally:
         if part is not None:
             shutil.rmtree(part, ignore_errors=True)
+
+
+def _is_page(path: Path) -> bool:
+    """Whether a file shows the others: it comes last, and goes first."""
+    return path.suffix == ".html"

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tcs_friction.config import (
     AxisFile,
     axis_mapping,
+    control_of,
     default_control,
     load_axis,
     load_yaml,
@@ -77,6 +78,8 @@ def test_numbers_as_people_write_them_are_numbers() -> None:
         ({"inertia": None}, "inertia: None"),
         ({"inertia": math.nan}, "inertia: nan"),
         ({"inertia": -5.0}, "f: axis azimuth: inertia: -5.0, expected a positive number"),
+        ({"continuous": 1}, "f: axis: continuous: 1, expected true or false"),
+        ({"continuous": True, "kind": "linear"}, "f: axis azimuth: continuous: true of a linear axis, expected kind: rotary"),
         ({"kind": "spiral"}, "f: axis azimuth: kind: 'spiral', expected rotary or linear"),
         ({"actuation_delay": -1.0}, "f: axis azimuth: actuation_delay"),
         ({"friction": {"coulomb": 1.0}}, "f: axis: friction: law is missing"),
@@ -151,10 +154,29 @@ def test_files_that_are_no_axis_files(tmp_path: Path) -> None:
 
 def test_control_block_is_checked(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"control: unknown key 'pid'"):
-        parse_control({"pid": {}})
+        parse_control({"pid": {}}, "control", parse_axis(block()))
     with pytest.raises(InputError, match=r"axis\.yaml: control"):
         load_axis(written(tmp_path, {"axis": block(), "control": {"controller": {"gain": 1.0}}}))
     assert load_axis(written(tmp_path, {"axis": block()})).control is None
+
+
+LUGRE = {"coulomb": 0.3, "static": 0.5, "stribeck_velocity": 0.01, "stiffness": 1e3, "damping": 1.0, "viscous": 0.02}
+
+
+def test_friction_stands_once(tmp_path: Path) -> None:
+    """A compensator has the axis' friction where the file does not state another, and a file that is written leaves it out."""
+    axis = block(friction={"law": "lugre", **LUGRE})
+    path = written(tmp_path, {"axis": axis, "control": {"compensator": {"negative": {"coulomb": 0.2}, "actuation_delay": 0.01}}})
+    file = load_axis(path)
+    assert file.control is not None
+    found = file.control.compensator
+    assert {name: getattr(found.positive, name) for name in LUGRE} == LUGRE
+    assert (found.negative.coulomb, found.negative.static, found.actuation_delay) == (0.2, 0.5, 0.01)
+    save_axis(path, file)
+    assert "positive" not in path.read_text()
+    assert load_axis(path) == file
+    for without in ({"axis": axis}, {"axis": axis, "control": {}}):
+        assert control_of(load_axis(written(tmp_path, without))).compensator.positive.coulomb == 0.3
 
 
 def examples() -> list[dict[str, Any]]:

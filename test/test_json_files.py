@@ -71,6 +71,9 @@ def test_a_large_file_is_read_up_to_the_limit(monkeypatch: pytest.MonkeyPatch, t
         (True, lambda one: one.number(), "file: True, expected a finite number"),
         (-0.1, lambda one: one.number(0.0), "file: -0.1, expected a number from 0"),
         (1.5, lambda one: one.number(-1.0, 1.0), "file: 1.5, expected a number from -1 to 1"),
+        (0.0, lambda one: one.above(0.0), "file: 0.0, expected a number above 0"),
+        (float("nan"), lambda one: one.above(0.0), "file: nan, expected a number above 0"),
+        ("1", lambda one: one.above(0.0), "file: '1', expected a number above 0"),
         (float("inf"), lambda one: one.number(0.0), "file: inf, expected a number from 0"),
     ],
 )

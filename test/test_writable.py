@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import itertools
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +106,42 @@ def test_results_are_swapped_when_all_are_there(tmp_path: Path) -> None:
         (part / "a").write_text("new")
         assert (tmp_path / "a").read_text() == "old"
     assert (tmp_path / "a").read_text() == "new"
+
+
+def killed(change: int, folder: Path) -> None:
+    """In a process of its own: a run that is killed at one of its changes of a name."""
+    left = itertools.count(change, -1)
+
+    def counted(work: Callable[..., None]) -> Callable[..., None]:
+        def last(*words: Any, **more: Any) -> None:
+            if next(left) == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            work(*words, **more)
+
+        return last
+
+    os.replace, Path.unlink = counted(os.replace), counted(Path.unlink)  # type: ignore[assignment, method-assign]
+    with writable.staged(folder, "only_some.*") as part:
+        for name in ("b.json", "a.html", "c.png"):
+            (part / name).write_text("new")
+    os._exit(0)
+
+
+def test_who_kills_a_run_while_it_writes_leaves_files_of_one_run(tmp_path: Path) -> None:
+    for change in range(8):  # four old files go, three new ones come; then nothing is left to kill
+        folder = tmp_path / str(change)
+        folder.mkdir()
+        for name in ("a.html", "b.json", "c.png", "only_some.yaml", "mine.txt"):
+            (folder / name).write_text("old")
+        child = os.fork()
+        if child == 0:
+            killed(change, folder)
+        assert os.WIFSIGNALED(os.waitpid(child, 0)[1]) == (change < 7)
+        found = {path.read_text() for path in folder.iterdir() if path.is_file() and path.name != "mine.txt"}
+        assert len(found) <= 1, change
+        assert found == ({"old"} if change < 4 else set() if change == 4 else {"new"})
+        assert (folder / "mine.txt").read_text() == "old"
+        assert (folder / "a.html").exists() == (change in (0, 7))  # what shows the others is there with all of them alone
 
 
 def test_a_place_is_a_directory_or_a_url(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def diagnosed_into(arguments: argparse.Namespace, directory: Path) -> Done:
 
         file, remark = _believed(arguments, lambda share, stage: progress(0.5 * share, stage))
         file = file.at(chosen_signals(arguments.bags, file.mapped(arguments.axis), _choice(arguments)))
-        recordings = _read(arguments, file)
+        recordings = _read(arguments, file, settled=True)
         file = file.measured_in(same_torque_unit(recordings))
         begin = 0.0 if arguments.against is None else 0.5
         watched = partial(_within, begin, progress)
@@ -133,8 +133,9 @@ def _refuse_joint_without_model(arguments: argparse.Namespace) -> None:
         raise InputError("--joint", f"given with the bag {arguments.against}", "a model of MuJoCo: --against FILE.xml")
 
 
-def _read(arguments: argparse.Namespace, file: AxisFile) -> tuple[Recording, ...]:
-    return read_recordings(arguments.bags, file.mapped(arguments.axis), _choice(arguments), file.axis.kind)
+def _read(arguments: argparse.Namespace, file: AxisFile, settled: bool = False) -> tuple[Recording, ...]:
+    choice = replace(_choice(arguments), settled=settled)
+    return read_recordings(arguments.bags, file.mapped(arguments.axis), choice, file.axis.kind)
 
 
 def _choice(arguments: argparse.Namespace) -> Choice:

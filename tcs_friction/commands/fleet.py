@@ -92,16 +92,18 @@ def _signals(first: Found, signals: SignalMap, choice: Choice) -> SignalMap:
     """The signals of the joint that is meant; a number is that of the first recording, whose name holds for all."""
     from tcs_friction.fleet.opening import at_hand
     from tcs_friction.recording.bags import chosen_signals, joints_in
+    from tcs_friction.recording.choice import joint_number, no_joint
 
-    if not choice.joint.isdecimal():
+    number = joint_number(choice.joint)
+    if number is None:
         return signals.of_joint(choice.joint)
     with at_hand(first) as path:
         if not first.table:
             return chosen_signals([path], signals, choice)
         names = joints_in(path, signals, choice)
-    if int(choice.joint) >= len(names):
-        raise InputError("--joint", f"no joint {choice.joint!r}", f"0 to {len(names) - 1} or a name")
-    return signals.of_joint(names[int(choice.joint)])
+    if number >= len(names):
+        raise no_joint(choice.joint, f"0 to {len(names) - 1} or a name")
+    return signals.of_joint(names[number])
 
 
 def _run(arguments: argparse.Namespace, found: Any, plan: Any, store: Any) -> Summary:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ def identified_into(arguments: argparse.Namespace, directory: Path) -> Done:
     options = _options(arguments)
     choice = choice_of(arguments)
     file = file.at(chosen_signals(arguments.bags, file.mapped(arguments.axis), choice))
-    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis), choice, file.axis.kind)
+    recordings = read_recordings(arguments.bags, file.mapped(arguments.axis), replace(choice, settled=True), file.axis.kind)
     file = file.measured_in(same_torque_unit(recordings))
     check_changes(recordings)
     refuse_turned(prepare(recordings, options.bandwidth), file.axis.kind)

@@ -88,6 +88,6 @@ def beside(axes: Sequence[str], ros_arguments: Sequence[str], port: int) -> Iter
 
 def port_number(word: str) -> int:
     """A port of the command line."""
-    if not (word.isdecimal() and int(word) < 1 << 16):
-        raise argparse.ArgumentTypeError(f"{word!r} is no port (0 to 65535)")
+    if not (word.isdecimal() and len(word) <= 5 and int(word) < 1 << 16):
+        raise argparse.ArgumentTypeError(f"{word[:9]!r} is no port (0 to 65535)")
     return int(word)

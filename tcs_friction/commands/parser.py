@@ -8,6 +8,8 @@ from types import ModuleType
 
 from tcs_friction.errors import printable
 
+MOST_DIGITS = 18
+
 
 class _Parser(argparse.ArgumentParser):
     """argparse in this project's voice: one line."""
@@ -30,8 +32,8 @@ def parser_of(name: str, module: ModuleType) -> argparse.ArgumentParser:
 
 def positive(word: str) -> int:
     """A whole number from 1 on, as the `type` of an argument."""
-    if not word.isdecimal() or int(word) < 1:
-        raise argparse.ArgumentTypeError(f"{word!r} is no whole number from 1 on")
+    if not (word.isdecimal() and len(word) <= MOST_DIGITS and int(word) > 0):
+        raise argparse.ArgumentTypeError(f"{word[:MOST_DIGITS]!r} is no whole number from 1 on, of at most {MOST_DIGITS} digits")
     return int(word)
 
 

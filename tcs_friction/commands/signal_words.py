@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tcs_friction.errors import InputError, nearest
+from tcs_friction.recording.choice import joint_number, no_joint
 from tcs_friction.recording.signals import OPTIONAL, REQUIRED
 
 FORM = "SIGNAL=/TOPIC:FIELD or SIGNAL=/TOPIC:FIELD@JOINT"
@@ -64,10 +65,12 @@ def of_joint(block: Mapping[str, Any], joints: Sequence[str], asked: str | None)
     if not joints:
         return _numbered(merged, asked)
     if asked not in joints:
-        if not asked.isdecimal() or int(asked) >= len(joints):
-            expected = nearest(asked, joints) if not asked.isdecimal() else f"0 to {len(joints) - 1} or a name"
-            raise InputError("--joint", f"no joint {asked!r}", expected)
-        asked = joints[int(asked)]
+        number = joint_number(asked)
+        if number is None:
+            raise no_joint(asked, nearest(asked, joints))
+        if number >= len(joints):
+            raise no_joint(asked, f"0 to {len(joints) - 1} or a name")
+        asked = joints[number]
     first = merged["position"].get("joint")
     if asked == first:
         return merged
@@ -84,9 +87,9 @@ def of_joint(block: Mapping[str, Any], joints: Sequence[str], asked: str | None)
 def _numbered(block: dict[str, Any], asked: str) -> dict[str, Any]:
     """The same for arrays whose elements have no names."""
     numbered = [entry for name, entry in block.items() if name != "exogenous" and str(entry.get("field", "")).endswith(FIRST)]
-    if not numbered or not asked.isdecimal():
-        expected = "a number from 0 on" if numbered else "none, since the topic names no joints"
-        raise InputError("--joint", f"no joint {asked!r}", expected)
+    number = joint_number(asked)
+    if not numbered or number is None:
+        raise no_joint(asked, "a number from 0 on" if numbered else "none, since the topic names no joints")
     for entry in numbered:
-        entry["field"] = entry["field"].removesuffix(FIRST) + f"[{asked}]"
+        entry["field"] = entry["field"].removesuffix(FIRST) + f"[{number}]"
     return block

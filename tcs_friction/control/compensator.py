@@ -6,9 +6,9 @@ time:
 
     v(t + lead) = v_ref + a_ref lead,      lead = actuation delay + half a tick.
 
-Each direction of motion has its own parameters; the bristle is one and the same. What is commanded may be a `share` of it, and
-less while the axis is meant to rest (`rested`): too much compensation makes an axis unstable, and what is left of a bristle's
-torque at rest makes a controller hunt.
+Each direction of motion has its own parameters. The bristle is one and the same; where the direction changes it keeps its torque,
+so that another stiffness there makes no step. What is commanded may be a `share` of it, and less while the axis is meant to rest
+(`rested`): too much compensation makes an axis unstable, and what is left of a bristle's torque at rest makes a controller hunt.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from tcs_friction.physics.terms import DRY_SCALE, EXOGENOUS, TRAVEL, VELOCITY, V
 
 Array = NDArray[np.float64]
 
-# parameter slots: six of the positive direction, six of the negative, then
+# parameter slots: six of the positive direction (_STIFFNESS of each), six of the negative, then
+_STIFFNESS = 3
 _NEGATIVE, _LEAD, _DT, _SHARE, _REST_SPEED, _REST_TORQUE = 6, 12, 13, 14, 15, 16
 # state slots; the motion vector that the friction kernel reads follows
 DEFLECTION, _SPEED, _PRIMED, _STATE_HEADER = 0, 1, 2, 3
@@ -131,6 +132,10 @@ def lugre_step(state: Array, parameters: Array, v_ref: float, a_ref: float) -> f
     motion[VELOCITY] = velocity
     motion[DRY_SCALE] = motion[VISCOUS_SCALE] = 1.0
     motion[TRAVEL] = 0.5 * (state[_SPEED] + velocity) * parameters[_DT]
+    if velocity < 0.0 <= state[_SPEED]:
+        state[DEFLECTION] *= parameters[_STIFFNESS] / parameters[_NEGATIVE + _STIFFNESS]
+    elif state[_SPEED] < 0.0 <= velocity:
+        state[DEFLECTION] *= parameters[_NEGATIVE + _STIFFNESS] / parameters[_STIFFNESS]
     state[_SPEED] = velocity
     bristle = state[DEFLECTION:_SPEED]
     if velocity < 0.0:

@@ -61,9 +61,11 @@ class FadingInput:
 
         `entered` is by how much it has changed since the tick before because it fades; it `rises` where it fades in.
         """
-        ramp, used = self._ramp, wanted and self.fresh(stamp)
+        ramp, used = self._ramp, wanted and (stamp == self._stamp or self.fresh(stamp))
         if ramp.value == used:  # the usual case first: nothing fades
-            self._asked, self.rises, self.entered = stamp, False, 0.0
+            self._asked = stamp
+            if self.entered:
+                self.rises, self.entered = False, 0.0
             return self._value if used else 0.0
         elapsed = min(max(stamp - self._asked, 0) / SECOND, self._limit) if self._asked >= 0 else 0.0
         self._asked = stamp

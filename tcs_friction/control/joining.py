@@ -47,6 +47,7 @@ class JoinedReference:
         self._way: ruckig.Trajectory | _Braking | None = None
         self._since = 0.0  # of the way, or of the programme
         self._programme: Reference | None = None
+        self._shift = 0.0  # of the programme's positions
         self._last = (0.0, 0.0, 0.0)
 
     def begin_at(self, t: float, position: float, speed: float) -> None:
@@ -54,14 +55,14 @@ class JoinedReference:
         self._last = (position, speed, 0.0)
         self._stop_at(t)
 
-    def join(self, t: float, programme: Reference) -> float:
+    def join(self, t: float, programme: Reference, shift: float = 0.0) -> float:
         """Begin a programme from where the reference is at time t; returns the seconds until it is joined.
 
-        Raises InputError when the programme does not keep the limits.
+        shift: what is added to its positions, rad. Raises InputError when the programme does not keep the limits.
         """
         check_programme(programme, self.limits)
-        self._way = _way(self.at(t), self.limits, programme.at(0.0))
-        self._since, self._programme, self.phase = t, programme, Phase.JOINING
+        self._way = _way(self.at(t), self.limits, _shifted(programme.at(0.0), shift))
+        self._since, self._programme, self._shift, self.phase = t, programme, shift, Phase.JOINING
         return float(self._way.duration)
 
     def stop(self, t: float) -> float:
@@ -77,10 +78,10 @@ class JoinedReference:
         if self.phase is Phase.RUNNING and self._programme is not None:
             end = self._since + self._programme.duration
             if t > end:
-                self._last = self._programme.at(self._programme.duration)
+                self._last = _shifted(self._programme.at(self._programme.duration), self._shift)
                 self._stop_at(end)
             else:
-                self._last = self._programme.at(t - self._since)
+                self._last = _shifted(self._programme.at(t - self._since), self._shift)
         if self._way is not None:
             self._last = _sample(self._way, t - self._since)
         return self._last
@@ -109,6 +110,12 @@ class JoinedReference:
         self._since, self._programme, self.phase = t, None, Phase.STOPPING
 
 
+def extent(programme: Reference) -> tuple[float, float]:
+    """The lowest and the highest position (rad) of a programme."""
+    position = programme.over(np.linspace(0.0, programme.duration, CHECKED))[:, 0]
+    return float(position.min()), float(position.max())
+
+
 def check_programme(programme: Reference, limits: MotionLimits) -> None:
     """Raises InputError when a programme is faster or accelerates more than the limits allow, JobError when it cannot be joined.
 
@@ -125,6 +132,10 @@ def check_programme(programme: Reference, limits: MotionLimits) -> None:
         if not found <= limit:
             raise InputError("reference", f"a {what} of {found:.4g}", f"at most {name}, {limit:.4g}")
     _way((programme.at(0.0)[0], 0.0, 0.0), limits, programme.at(0.0))
+
+
+def _shifted(sample: Sample, shift: float) -> Sample:
+    return sample[0] + shift, sample[1], sample[2]
 
 
 def _way(start: Sample, limits: MotionLimits, end: Sample | None = None) -> ruckig.Trajectory:

@@ -51,6 +51,12 @@ class Ranges:
         1e15, "rad/s^2", 1e-9, 1e15, "real time: positions that take more, beyond the reported speed, are refused"
     )
     position_noise: float = setting(0.0, "rad", 0.0, 1e9, "real time: by how much a measured position may be off")
+    continuous: bool = False
+    """As the axis file says: positions are angles that may begin anew after a turn."""
+
+    def placed(self, position: float) -> float:
+        """The first position of an axis, in the turn that is taken for it."""
+        return position
 
     def state_objection(self, position: float, speed: float) -> str:
         """Why a state cannot be, "" when it can. NaN cannot."""
@@ -101,12 +107,15 @@ def ranges(axis: Axis, controller: PidConfig) -> Ranges:
         largest_torque=min(RANGE_OVER_LIMIT * controller.torque_limit, 1e13),
         largest_acceleration=min(ACCELERATION_MARGIN * controller.torque_limit / axis.inertia, 1e15),
         position_noise=min(encoder or NOISE_TIME * speed, 1e9),
+        continuous=axis.continuous,
     )
 
 
 def heard_ranges(axis: Axis, controller: PidConfig | None) -> Ranges:
     """The ranges for nodes that only listen: wide where nobody has said how the axis is controlled, which may be any machine."""
-    return Ranges(largest_speed=1e9, largest_torque=1e13) if controller is None else ranges(axis, controller)
+    if controller is None:
+        return Ranges(largest_speed=1e9, largest_torque=1e13, continuous=axis.continuous)
+    return ranges(axis, controller)
 
 
 def compensation_limit(axis: Axis, controller: PidConfig) -> float:

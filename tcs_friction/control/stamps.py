@@ -20,6 +20,9 @@ from collections import deque
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from tcs_friction.control.plausible import NO_LIMIT
+from tcs_friction.control.turns import TURN, beside
+
 SECOND = 1_000_000_000
 STAMP_END = 2**31 * SECOND
 """builtin_interfaces/Time has 31 bits for the seconds."""
@@ -69,8 +72,9 @@ class FollowRule:
         period: float = 1e-3,
         acceleration: float = math.inf,
         noise: float = 0.0,
+        continuous: bool = False,
     ) -> None:
-        """Set the limits of real time.
+        """Set the limits of real time; those of a continuous axis hold in lock-step, too.
 
         Parameters
         ----------
@@ -80,14 +84,15 @@ class FollowRule:
         period: usual time between two messages, s.
         acceleration: largest acceleration, rad/s^2.
         noise: by how much a position may be off, rad.
+        continuous: whether positions are angles that may begin anew after a turn.
         """
         self._slack, self._patience, self._reach, self._period = slack, patience, reach, period
-        self._acceleration, self._noise = acceleration, noise
+        self._acceleration, self._noise, self._continuous = acceleration, noise, continuous
 
     def judge(self, stamp: int, position: float = 0.0, now: float = 0.0, speed: float = math.nan) -> Step:
         """What the message is. `now` is steady time in s, of no meaning in lock-step; `speed` is NaN where none is reported."""
         last = self.last
-        if self._lock_step and last < stamp < STAMP_END:  # the usual case first
+        if self._lock_step and last < stamp < STAMP_END and not self._continuous:  # the usual case first
             self.last = stamp
             return NEXT
         if not 0 <= stamp < STAMP_END:
@@ -96,9 +101,16 @@ class FollowRule:
         if stamp == last:
             return REPEATED
         if self._lock_step:
-            self.last = stamp
-            return NEW_RUN
+            return self._judge_in_lock_step(_Heard(stamp, position, speed, now))
         return self._judge_in_real_time(_Heard(stamp, position, speed, now))
+
+    def _judge_in_lock_step(self, heard: _Heard) -> Step:
+        newer = heard.stamp > self.last
+        self.reason = self._turn_objection(self._before, heard) if newer and self._before else ""
+        if self.reason:
+            return REFUSED
+        self._before, self.last = heard if self._continuous else None, heard.stamp
+        return NEXT if newer else NEW_RUN
 
     def _judge_in_real_time(self, heard: _Heard) -> Step:
         if heard.stamp == 0:
@@ -126,7 +138,8 @@ class FollowRule:
 
     def _accept(self, before: _Heard, heard: _Heard) -> None:
         if heard.speed != heard.speed:  # none is reported
-            heard = replace(heard, speed=(heard.position - before.position) * SECOND / (heard.stamp - before.stamp))
+            step = self._step(before, heard)
+            heard = replace(heard, speed=step * SECOND / (heard.stamp - before.stamp))
         self._before, self._doubtful = heard, None
         self.last = heard.stamp
 
@@ -137,17 +150,47 @@ class FollowRule:
             return f"stamp {-span:.6g} s older than the one before"
         if span > passed + self._slack:
             return f"stamp {span:.6g} s after the one before, {passed:.3g} s later"
-        step, allowed = abs(heard.position - before.position), self._largest_step(before, heard, span)
-        return f"step of {step:.3g} within {span:.3g} s, at most {allowed:.3g} can be" if step > allowed else ""
+        step, allowed = abs(self._step(before, heard)), self._largest_step(before, heard, span)
+        if step > allowed:
+            return f"step of {step:.3g} within {span:.3g} s, at most {allowed:.3g} can be"
+        return self._turn_objection(before, heard)
+
+    def _expected(self, before: _Heard, heard: _Heard) -> float:
+        """The step that the speeds tell, 0 where none is reported."""
+        reported = _reported(before, heard)
+        return sum(reported) / len(reported) * (heard.stamp - before.stamp) / SECOND if reported else 0.0
+
+    def _step(self, before: _Heard, heard: _Heard) -> float:
+        step = heard.position - before.position
+        return beside(step, self._expected(before, heard)) if self._continuous else step
+
+    def _turn_objection(self, before: _Heard, heard: _Heard) -> str:
+        """Why it is not known over how many turns a continuous axis has come, "" when it is or nobody knows what it can do."""
+        if not self._continuous or self._reach >= NO_LIMIT:
+            return ""
+        span = (heard.stamp - before.stamp) / SECOND
+        step, expected, late = self._step(before, heard), self._expected(before, heard), span + self._period
+        off = self._reach * late
+        if reported := _reported(before, heard):
+            fastest = max(map(abs, reported))
+            off = min(off + abs(expected), self._acceleration * late**2 + fastest * self._period + self._noise)
+        other = step - math.copysign(TURN, step - expected)
+        if abs(other - expected) > off:
+            return ""
+        return f"step of {step:.3g} or {other:.3g} within {span:.3g} s: which turn is not known"
 
     def _largest_step(self, before: _Heard, heard: _Heard, span: float) -> float:
         """How far the axis can have come. One period is added, for stamps are not exact and speeds are filtered."""
         span += self._period
-        reported = [abs(speed) for speed in (before.speed, heard.speed) if speed == speed]
+        reported = _reported(before, heard)
         if not reported:
             return self._reach * span
-        speed = max(reported) + self._acceleration * span
+        speed = max(map(abs, reported)) + self._acceleration * span
         return min(self._reach, speed) * span + self._noise
+
+
+def _reported(before: _Heard, heard: _Heard) -> list[float]:
+    return [speed for speed in (before.speed, heard.speed) if speed == speed]
 
 
 class RecentStates:

@@ -12,25 +12,19 @@ from typing import NamedTuple
 
 from tcs_friction.control.config_field import setting
 from tcs_friction.control.fading import Ramp
+from tcs_friction.control.turns import Travel
 
 
 @dataclass(frozen=True)
-class TorqueLimits:
+class TorqueLimits(Travel):
     """What an axis is protected by, whatever it is commanded. For a linear axis read N, m/s, m."""
 
     torque_limit: float = setting(1e3, "N m", 0.0, 1e12, "commands beyond this are refused")
     overspeed: float = setting(1.0, "rad/s", 1e-9, 1e9, "real time: no torque in the direction of a motion faster than this")
-    travel_from: float = setting(-1e9, "rad", -1e9, 1e9, "real time: no torque downwards below this position")
-    travel_to: float = setting(1e9, "rad", -1e9, 1e9, "real time: no torque upwards above this position")
     travel_margin: float = setting(1e9, "rad", 0.0, 1e9, "real time: no torque at all farther than this beyond the travel")
     watchdog: float = setting(0.1, "s", 1e-3, 60.0, "real time: no torque when commands stop for longer")
     state_limit: float = setting(0.1, "s", 1e-3, 60.0, "real time: no torque on a position older than this")
     stop_time: float = setting(0.05, "s", 0.0, 10.0, "real time: torque goes to zero over this time on any doubt")
-
-    def conflict(self) -> list[str]:
-        """What does not go together."""
-        empty = self.travel_from > self.travel_to
-        return [f"travel_from is {self.travel_from:g}, expected at most travel_to ({self.travel_to:g})"] if empty else []
 
 
 class Situation(NamedTuple):

@@ -222,6 +222,7 @@ def _attempt(task: _Task, motion: Motion) -> _Found:
             unsure = motion.grids[0].logged.period / math.sqrt(12.0)  # of what may be anywhere within a period
             later = timed(motion, replace(motion.timing, acts=motion.timing.acts + unsure))
             shifts.append(_shifted(pose(axis, later), verdicts, loss))
+            shifts.append(_in_time(problem, verdicts, space, loss))
     end = End(True, verdicts.refined.outcome, None)
     return _Found(problem, found, verdicts, sharp, True, tuple(shifts), end)
 
@@ -454,6 +455,14 @@ def _shifted(wider: Problem, verdicts: Verdicts, loss: str) -> np.ndarray:
         wider, unknowns, space.holding(np.arange(len(unknowns)) >= wider.states_index), loss, SHIFT_STEPS
     )
     return np.where(np.isfinite(refined.unknowns), refined.unknowns - unknowns, 0.0)
+
+
+def _in_time(problem: Problem, verdicts: Verdicts, space: Space, loss: str) -> np.ndarray:
+    """(p,) By how much the unknowns move at the timing that leaves least torque; a controller's answers to noise bend it, too."""
+    unknowns, late = verdicts.refined.unknowns, np.arange(len(space.free)) == problem.lateness_index
+    freed = replace(verdicts.space, free=verdicts.space.free | (late & space.free))
+    refined = refit(problem, unknowns, freed, loss, VALLEY_STEPS)
+    return np.where(np.isfinite(refined.unknowns) & ~late, refined.unknowns - unknowns, 0.0)
 
 
 def identified_axis(axis: Axis, found: Identification) -> Axis:

@@ -56,10 +56,13 @@ class Axis:
     drive: Drive = field(default_factory=Drive)
     torque_unit: str = ""  # A, V or % where torque is known up to a constant; "": N m or N
     lateness: float = 0.0
+    continuous: bool = False  # its encoder's angle begins anew after a turn
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"axis {self.name}: kind", repr(self.kind), "rotary or linear")
+        if self.continuous and self.kind != "rotary":
+            raise InputError(f"axis {self.name}: continuous", "true of a linear axis", "kind: rotary")
         if not (self.inertia > 0.0 and math.isfinite(self.inertia)):
             raise InputError(f"axis {self.name}: inertia", repr(self.inertia), "a positive number")
         if not 0.0 <= self.actuation_delay <= 10.0:

@@ -20,7 +20,7 @@ from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.stamps import stamped
 from tcs_friction.recording.time_base import TimeBase, of_one_publisher, on_base_clock, time_base
-from tcs_friction.recording.unwrap import unwrapped
+from tcs_friction.recording.unwrap import refuse_other_unit, unwrapped
 
 SLOW = 60_000_000_000
 """ns; over this long a temperature may be interpolated or held whatever its rate."""
@@ -66,6 +66,7 @@ def _made_continuous(
         unwrapped(base.seconds, position, velocity, source) if whole
         else unwrapped(base.seconds[good], position[good], None if velocity is None else velocity[good], source)
     )  # fmt: skip
+    refuse_other_unit(found.modulus, source)
     told.extend(map(mended, found.notes))
 
     def spread(column: Column | None, old: Column | None) -> Column | None:
@@ -170,7 +171,8 @@ def _cut(
     signals: SignalMap, source: str, told: list[str], log: tuple[Nanoseconds, Column] | None,
 ) -> Recording:  # fmt: skip
     """The samples that are fine, in segments: cut where others are missing, save those that are to be passed over."""
-    limit = clock.gap_limit(base.times)
+    period = clock.usual_period(base.times)
+    limit = int(clock.GAP_PERIODS * period)
     kept = np.flatnonzero(fine if passed is None else fine & ~passed)
     whole = len(kept) == len(fine)
     if len(kept) < 2:
@@ -184,9 +186,8 @@ def _cut(
         after = int(np.searchsorted(kept, cut))
         if 0 < after < len(kept):
             breaks[after - 1] = True
-    if missing := clock.dropped(base.times):
-        period = clock.usual_period(base.times) * 1e-9
-        told.append(f"{base.columns.topic}: {counted(missing, 'message')} missing at the usual period of {period:.6g} s")
+    if missing := clock.dropped(base.times, period):
+        told.append(f"{base.columns.topic}: {counted(missing, 'message')} missing at the usual period of {period * 1e-9:.6g} s")
     if gaps := int(np.count_nonzero(steps > limit)):
         stated = f"{limit * 1e-9:.6g} s ({clock.GAP_PERIODS:g} usual periods)"
         told.append(f"{counted(gaps, 'gap')} longer than {stated}, longest {steps.max() * 1e-9:.6g} s; cut there")
@@ -204,10 +205,10 @@ def _cut(
     assert torque is not None
     exogenous = {name: column for name in signals.exogenous if (column := chosen(name)) is not None}
     seconds = base.seconds if whole else (times - times[0]) / 1e9
-    period = clock.usual_period(base.times if log is None else log[0]) * 1e-9
+    held_for = (period if log is None else clock.usual_period(log[0])) * 1e-9
     own = None if log is None or len(log[0]) < 2 else np.vstack([(log[0] - times[0]) / 1e9, log[1]])
     return Recording(
         seconds, position, torque, chosen("velocity"), chosen("temperature"), chosen("reference"),
         exogenous, segments, source, tuple(told), int(times[0]), signals.torque_unit, own,
-        signals.torque.acts_after(period),
+        signals.torque.acts_after(held_for),
     )  # fmt: skip

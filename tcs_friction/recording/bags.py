@@ -62,7 +62,9 @@ def read_recordings(
 def chosen_signals(bags: Sequence[Path], signals: SignalMap, choice: Choice) -> SignalMap:
     """The signals of the joint that is meant, in all bags that of the first one. Raises InputError for a number that none has."""
     first = next((path for path in map(Path, bags) if not is_table(path)), None)
-    return signals if first is None or not choice.joint else signals_of(Bag(first), signals, choice.joint)
+    if first is None or choice.settled or not choice.joint:
+        return signals
+    return signals_of(Bag(first), signals, choice.joint)
 
 
 def joints_in(path: Path, signals: SignalMap | None, choice: Choice = NOTHING_CHOSEN) -> tuple[str, ...]:
@@ -277,4 +279,4 @@ def _is_storage(path: Path) -> bool:
 
 def _natural(path: Path) -> list[tuple[int, str]]:
     """Sort key that puts bag_10 after bag_9."""
-    return [(int(part or 0), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", path.name)]
+    return [(int(part or 0), "") if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", path.name)]

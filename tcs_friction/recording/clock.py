@@ -205,9 +205,12 @@ def gap_limit(times: Nanoseconds) -> int:
     return int(GAP_PERIODS * usual_period(times))
 
 
-def dropped(times: Nanoseconds) -> int:
-    """How many messages are missing between rising times, 0 where the rate is not steady enough to say."""
-    period = usual_period(times)
+def dropped(times: Nanoseconds, period: int | None = None) -> int:
+    """How many messages are missing between rising times, 0 where the rate is not steady enough to say.
+
+    period: the usual one, ns, where it is known.
+    """
+    period = usual_period(times) if period is None else period
     if not period:
         return 0
     steps = np.diff(times) / period

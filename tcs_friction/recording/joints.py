@@ -6,7 +6,8 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tcs_friction.errors import InputError, nearest
+from tcs_friction.errors import nearest
+from tcs_friction.recording.choice import joint_number, no_joint
 from tcs_friction.recording.decode import Batch, Decoder
 from tcs_friction.recording.definitions import full_name, types_of
 from tcs_friction.recording.layout import MalformedError, layout
@@ -17,7 +18,6 @@ from tcs_friction.recording.targets import target
 if TYPE_CHECKING:
     from tcs_friction.recording.bags import Bag
 
-MOST_DIGITS = 5
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 
 
@@ -58,16 +58,17 @@ def signals_of(bag: Bag, signals: SignalMap, asked: str) -> SignalMap:
     Raises InputError naming the joints there are.
     """
     found = _ELEMENT.fullmatch(signals.position.field)
-    if signals.position.joint is not None and not asked.isdecimal():
+    number = joint_number(asked)
+    if signals.position.joint is not None and number is None:
         return signals.of_joint(asked)  # whether there is one shows when all messages are read
     names = joints_of(bag, signals)
-    if asked in names or (asked.isdecimal() and len(asked) <= MOST_DIGITS and int(asked) < len(names)):
-        name = asked if asked in names else names[int(asked)]
+    if asked in names or (number is not None and number < len(names)):
+        name = asked if number is None or asked in names else names[number]
         return signals.of_joint(name) if found is None else _of_element(signals, found[2], name)
     if not names:
-        raise InputError("--joint", f"no joint {asked!r}", f"none, since {signals.position.topic} names no joints")
+        raise no_joint(asked, f"none, since {signals.position.topic} names no joints")
     expected = f"0 to {len(names) - 1}" if found is not None else f"0 to {len(names) - 1} or a name"
-    raise InputError("--joint", f"no joint {asked!r}", expected if asked.isdecimal() else nearest(asked, names))
+    raise no_joint(asked, nearest(asked, names) if number is None else expected)
 
 
 def _of_element(signals: SignalMap, old: str, number: str) -> SignalMap:

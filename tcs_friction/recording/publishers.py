@@ -31,6 +31,8 @@ FILLING = 0.9
 """Of the range: where all jumps are as large, the position wraps (unwrap.py)."""
 MOST = 4
 """Publishers that are told apart, one after the other."""
+FEWEST = 4
+"""Messages of which one may be a stranger to the others."""
 BLOCKS, BLOCK = 64, 256
 """Stretches of messages that are looked at first, and how long they are: a publisher that says as much as the other for a
 sixty-fourth of the recording is seen in them, one that says less by its stamps."""
@@ -170,24 +172,41 @@ def _suspicious(said: Said) -> bool:
     usual = np.median(some[some > 0])
     if np.count_nonzero(steps < 0.75 * usual) > max(STRANGE - 1, UNEVEN * len(steps)):
         return True
+    if len(said) < FEWEST:
+        return False
     starts = np.unique(np.linspace(0, max(0, len(said) - BLOCK), BLOCKS).astype(int))
+    rows = starts[:, None] + np.arange(min(BLOCK, len(said)))
     for values in said.signals.values():
-        blocks = [_strangers(values[start : start + BLOCK]) for start in starts]
-        if sum(map(len, blocks)) >= STRANGE and max(map(len, blocks)) >= OFTEN * min(BLOCK, len(said)):
+        over, nearest, smaller = _sizes(values[rows])
+        counts = np.count_nonzero((over < 0.5 * smaller) & (smaller > APART * _usual_of_rows(nearest)), axis=1)
+        if counts.sum() >= STRANGE and counts.max() >= OFTEN * rows.shape[1]:
             return True
     return False
 
 
+def _usual_of_rows(nearest: Column) -> Column:
+    """(n, 1): the median of each row of what is above 0, 0 where nothing is; a tenth of the time of a loop of medians."""
+    count = np.count_nonzero(nearest > 0.0, axis=1)
+    ordered = np.sort(np.where(nearest > 0.0, nearest, np.inf), axis=1)
+    each = np.arange(len(nearest))
+    middle = 0.5 * (ordered[each, np.maximum(count - 1, 0) // 2] + ordered[each, np.minimum(count // 2, nearest.shape[1] - 1)])
+    return np.where(count > 0, middle, 0.0)[:, None]
+
+
+def _sizes(values: Column) -> tuple[Column, Column, Column]:
+    """Of each message but the ends, along the last axis: between its neighbours, to the nearer one, the smaller of the steps."""
+    steps = np.abs(np.diff(values, axis=-1))
+    over = np.abs(values[..., 2:] - values[..., :-2])
+    return over, np.fmin(steps[..., 1:], over), np.minimum(steps[..., 1:], steps[..., :-1])
+
+
 def _strangers(values: Column) -> NDArray[np.intp]:
     """Messages that are far from the one before and the one after, which are close to each other."""
-    if len(values) < 4:
+    if len(values) < FEWEST:
         return np.zeros(0, dtype=np.intp)
-    steps = np.abs(np.diff(values))
-    over = np.abs(values[2:] - values[:-2])
-    nearest = np.fmin(steps[1:], over)
+    over, nearest, smaller = _sizes(values)
     moving = nearest[nearest > 0.0]
     usual = float(np.median(moving)) if len(moving) else 0.0
-    smaller = np.minimum(steps[1:], steps[:-1])
     return np.flatnonzero((over < 0.5 * smaller) & (smaller > APART * usual)) + 1
 
 

@@ -12,7 +12,7 @@ NAMES = {
     "time": ("time", "t", "stamp", "timestamp", "seconds", "secs"),
     "position": ("position", "angle", "pos", "q", "theta"),
     "velocity": ("velocity", "speed", "vel", "omega", "dq", "qd"),
-    "torque": ("torque", "effort", "force", "tau", "u"),
+    "torque": ("torque", "effort", "force", "tau", "u", "trq"),
     "temperature": ("temperature", "temp"),
     "reference": ("reference", "setpoint", "target", "desired"),
 }
@@ -32,6 +32,9 @@ NEUTRAL = ("act", "actual", "meas", "measured", "feedback", "fb", "value", "val"
 
 STATES = ("joint", "joints", "state", "states")
 """Words of topics that tell no joint either, where there is another word."""
+
+COUNTS = ("count", "counts", "cts", "tick", "ticks", "lsb", "incr", "increments")
+"""Words for what an encoder counts, which is no unit before somebody says what one of them is."""
 
 _HEAD = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*")
 _RAW = re.compile(r"[^\W_]+|[%‰]")
@@ -80,6 +83,11 @@ def said(column: str, unit: str = "") -> Said:
 def _fine(words: list[str]) -> list[str]:
     """Words between which a name has only a change of case or a digit."""
     return [part for word in words for part in _FINE.findall(word)]
+
+
+def counts(column: str) -> bool:
+    """Whether a name says that a column holds what an encoder counts."""
+    return any(word.lower() in COUNTS for word in _fine(_RAW.findall(column[:LONGEST_NAME])))
 
 
 def _unit_of(words: list[str]) -> str:

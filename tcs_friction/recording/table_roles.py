@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from tcs_friction.errors import InputError, nearest
+from tcs_friction.recording.choice import joint_number, no_joint
 from tcs_friction.recording.signals import REQUIRED
 from tcs_friction.recording.table import Table
 from tcs_friction.recording.table_names import NAMES, Said, joints_of, said
@@ -159,13 +160,14 @@ def _meant(joints: Mapping[str, tuple[str, ...]], joint: Joint, where: str) -> s
     if len(exact) == 1:
         return exact[0]
     names = [*joints]
-    if joint.asked and joint.name.isdecimal() and len(joint.name) < 6 and int(joint.name) < len(names):
-        return names[int(joint.name)]
+    number = joint_number(joint.name) if joint.asked else None
+    if number is not None and number < len(names):
+        return names[number]
     if len(names) == 1:
         return names[0]
     listed = ", ".join(f"{number} {name}" for number, name in enumerate(names[:MOST_SHOWN]))
-    found = f"no joint {joint.name!r}" if joint.asked else f"{len(names)} joints"
-    raise InputError(where, found, f"--joint with one of {listed}{', ...' if len(names) > MOST_SHOWN else ''}")
+    expected = f"--joint with one of {listed}{', ...' if len(names) > MOST_SHOWN else ''}"
+    raise no_joint(joint.name, expected, where) if joint.asked else InputError(where, f"{len(names)} joints", expected)
 
 
 def said_words(name: str) -> tuple[str, ...]:

@@ -41,6 +41,9 @@ SEPARATORS = ("\t", ";", ",")
 NO_VALUE = ("", "-", "--", "?", "na", "n/a", "nan", "null", "none")
 """What stands in a cell without a value."""
 
+MOST_SHOWN = 40
+"""Characters of a cell in a message."""
+_THOUSANDS = re.compile(r"\s*[+-]?\d{1,3}(?:[.,' ]\d{3})+(?:[.,]\d+)?\s*")
 _BLANK_HEAD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 
 
@@ -151,13 +154,21 @@ class _TextTable:
                 row = fitted
             self.rows += 1
             if self.times:
-                numbers.extend([self.times[k](cell) if k in self.times else _number(cell) for k, cell in enumerate(row)])
+                numbers.extend([self.times[k](cell) if k in self.times else self._number(cell) for k, cell in enumerate(row)])
                 continue
             try:
                 numbers.extend([*map(float, row)])
             except ValueError:
-                numbers.extend(map(_number, row))
+                numbers.extend(map(self._number, row))
         return told
+
+    def _number(self, cell: str) -> float:
+        """A number, NaN for anything else. Raises InputError for one that separates thousands: others then look like decimals."""
+        value = _number(cell)
+        if value != value and _THOUSANDS.fullmatch(cell):
+            found = f"{cell.strip()[:MOST_SHOWN]!r} separates thousands"
+            raise InputError(f"{self.path}: row {self.rows + 1}", found, "numbers that do not")
+        return value
 
     def _look(self, first: Sequence[str]) -> None:
         """Find the columns whose cells are times in words."""

@@ -128,7 +128,7 @@ def unit_of_times(times: Column, name: str, where: str, pace: float, notes: list
             return unit
     ordered = np.unique(times)
     step = float(np.median(np.diff(ordered))) if len(ordered) > 1 else 0.0
-    if step < SLOWEST:
+    if FASTEST <= step < SLOWEST or not step:
         notes.append(taken_as_si(name))
         return "s"
     fitting = [unit for unit, factor in FACTORS.items() if FASTEST <= step * factor <= SLOWEST]
@@ -136,7 +136,8 @@ def unit_of_times(times: Column, name: str, where: str, pace: float, notes: list
         notes.append(mended(f"column {name!r} has no unit, {fitting[0]} by its steps of {step:g}"))
         return fitting[0]
     likely = " or ".join(fitting) or "nothing that an axis is sampled at"
-    expected = f"the unit: --column time={name}:{next(iter(fitting[-1:]), 's')}"
+    days = FASTEST <= step * DAY <= SLOWEST  # serial dates of a spreadsheet
+    expected = f"the unit: --column time={name}:{'d' if days else next(iter(fitting[-1:]), 's')}"
     raise InputError(where, f"column {name!r} has no unit and steps of {step:g}, {likely}", expected)
 
 

@@ -18,7 +18,7 @@ from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import OPTIONAL, REQUIRED, SignalMap, SignalSource
 from tcs_friction.recording.table import Table
 from tcs_friction.recording.table_files import read_table, write_csv, write_parquet
-from tcs_friction.recording.table_names import NAMES
+from tcs_friction.recording.table_names import NAMES, counts
 from tcs_friction.recording.table_roles import Joint, Role, Roles, roles_of
 from tcs_friction.recording.table_times import (
     FIRST_DATE,
@@ -135,6 +135,11 @@ def _sources(
         Named(name, role.column, bare[name].unit if role.unit in units.WITHOUT else role.unit)
         for name, role in roles.columns.items()
     ]
+    for item in named:
+        bare_number = item.unit in units.WITHOUT and bare[item.signal].scale == 1.0
+        if item.signal in ("position", "velocity") and bare_number and counts(item.column):
+            expected = f"signals: {item.signal}: {{scale: of a count}} in the axis file, or --column {item.signal}=NAME:UNIT"
+            raise InputError(where, f"column {item.column!r} holds counts", expected)
     settled = units.settled(named, where, kind)
     notes += [taken_as_si(item.column) for item in named if item.signal != "time" and item.unit in units.WITHOUT]
     return {name: replace(source, unit=settled[name]) for name, source in bare.items()}, named

@@ -21,7 +21,7 @@ def _scaled(**factors: float) -> dict[str, Conversion]:
     return {unit.replace("_per_", "/"): (factor, 0.0) for unit, factor in factors.items()}
 
 
-SECONDS = _scaled(s=1.0, ms=1e-3, us=1e-6, ns=1e-9, min=60.0, h=3600.0)
+SECONDS = _scaled(s=1.0, ms=1e-3, us=1e-6, ns=1e-9, min=60.0, h=3600.0, d=86400.0)
 RADIANS = _scaled(
     rad=1.0, mrad=1e-3, urad=1e-6, deg=np.pi / 180, mdeg=np.pi / 180e3, arcmin=np.pi / 10800, arcsec=np.pi / 648000,
     mas=np.pi / 648e6, gon=np.pi / 200, rev=2 * np.pi,
@@ -44,7 +44,8 @@ CELSIUS = {"degC": (1.0, 0.0), "C": (1.0, 0.0), "K": (1.0, -KELVIN), "degF": (5 
 WORDS = {
     "s": ("sec", "secs", "second", "seconds"), "ms": ("msec", "msecs", "millis", "millisecond", "milliseconds"),
     "us": ("usec", "usecs", "micros", "microsecond", "microseconds"), "ns": ("nsec", "nanos", "nanosecond", "nanoseconds"),
-    "min": ("minutes",), "rad": ("radian", "radians"), "deg": ("degree", "degrees"), "rev": ("turn", "turns", "revolutions"),
+    "min": ("minutes",), "d": ("day", "days"), "rad": ("radian", "radians"), "deg": ("degree", "degrees"),
+    "rev": ("turn", "turns", "revolutions"),
     "rpm": ("1/min", "min^-1", "min-1", "U/min", "rev/min"), "deg/s": ("dps",), "m": ("meter", "meters", "metre", "metres"),
     "A": ("amp", "amps", "ampere", "amperes", "Arms"), "V": ("volt", "volts"), "%": ("percent", "pct", "per cent"),
     "permille": ("‰",), "Nm": ("N-m", "N.m"), "degC": ("celsius", "deg_C"),

@@ -7,11 +7,13 @@ at least two such steps have in common while the axis moves through them the oth
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcs_friction.errors import InputError
 from tcs_friction.recording.columns import Mask, counted
 from tcs_friction.recording.position_steps import (
     FEWEST,
@@ -33,6 +35,9 @@ RARE = 0.01
 """Share of the samples beyond which there-and-back is a motion, not damage."""
 ROUNDS = 8
 """Sizes of spikes that are taken out one after the other: larger ones hide smaller ones."""
+TURNS = {360.0: "deg", 400.0: "gon", 21600.0: "arcmin", 1296000.0: "arcsec", 2000.0 * math.pi: "mrad"}
+LEAST_BITS, SAME = 7.5, 1e-9
+"""Of counters that encoders have: 8 and more; by how much a modulus may be off, relative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +80,17 @@ def unwrapped(seconds: Column, position: Column, velocity: Column | None = None,
         if not 0.0 < span < np.inf or max(float(steps.max()), -float(steps.min())) < HALF * span:
             return unchanged  # the usual case, at the price of three passes
         return _unwrapped(unchanged, seconds, where)
+
+
+def refuse_other_unit(modulus: float, where: str) -> None:
+    """Raises InputError where a position that is taken for rad or m wraps at a turn of another unit, or where a counter ends."""
+    unit = next((unit for turn, unit in TURNS.items() if math.isclose(modulus, turn, rel_tol=SAME)), "")
+    bits = math.log2(modulus) if modulus > 0.0 else 0.0
+    if unit:
+        raise InputError(where, f"the position wraps at {shown(modulus)}: it is in {unit}", f"the unit {unit} to be said for it")
+    if bits > LEAST_BITS and abs(bits - round(bits)) < SAME:
+        expected = "signals: position: {scale: of a count}, in the axis file"
+        raise InputError(where, f"the position wraps at {shown(modulus)}: it holds counts", expected)
 
 
 def _unwrapped(unchanged: Unwrapped, seconds: Column, where: str) -> Unwrapped:

@@ -19,6 +19,8 @@ from tcs_friction.report.diagnosis import write_report
 from tcs_friction.writable import staged
 
 DIAGNOSIS, EXPERIMENT = "diagnosis.json", "next_experiment.yaml"
+SOMETIMES = (EXPERIMENT, "effect_[0-9]*.png", "learned_map.png", "friction_speed.png")
+"""Files that only some diagnoses write."""
 DESCRIBED, UNKNOWN = "the diagnosis describes it only", "the diagnosis does not know it"
 
 
@@ -29,7 +31,7 @@ def write_diagnosis(directory: Path, found: Diagnosis, with_described: bool = Fa
     """
     file = found.complete_file if with_described else found.axis_file
     content = found.to_mapping()
-    with staged(directory) as part:
+    with staged(directory, *SOMETIMES) as part:
         write_whole(part / DIAGNOSIS, json.dumps(content, indent=2, allow_nan=False) + "\n")
         save_axis(part / "axis.yaml", file, f"Diagnosed by tcs-friction: {found.statement}\n{found.seen.words}")
         why = None
@@ -37,8 +39,6 @@ def write_diagnosis(directory: Path, found: Diagnosis, with_described: bool = Fa
             write_whole(part / EXPERIMENT, reference_text(found.next_experiment))
             why = f"{found.next_experiment['why']}. The reference is in {EXPERIMENT}."
         write_report(part, content, found.evidence, found.axis_file.axis.name, why)
-    if not found.next_experiment:
-        (directory / EXPERIMENT).unlink(missing_ok=True)
     return directory / "report.html"
 
 
@@ -80,4 +80,4 @@ class _Told:
 def _told(entry: Json) -> _Told:
     parameters = entry.at("parameters").mapping()
     values = {name: one.at("value").number() for name, one in parameters.items()}
-    return _Told(entry.at("effect").text(), values, {name: one.at("std").number(0.0) for name, one in parameters.items()})
+    return _Told(entry.at("effect").text(), values, {name: one.at("std").above(0.0) for name, one in parameters.items()})

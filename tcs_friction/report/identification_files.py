@@ -17,6 +17,8 @@ from tcs_friction.recording.recording import Recording
 from tcs_friction.writable import staged
 
 IDENTIFICATION, AXIS = "identification.json", "axis.yaml"
+SOMETIMES = ("report.html", *(f"{name}.png" for name in ("cost", "laws", "profiles", "searches", "friction_speed")))
+"""Files that only some identifications write."""
 
 
 def content_of(
@@ -49,7 +51,7 @@ def write_identification(
     """
     comment = f"Friction identified by tcs-friction ({found.law}, {found.method}, seed {found.seed})."
     text = json.dumps(content_of(found, comparison, searches), indent=2, allow_nan=False) + "\n"
-    with staged(directory) as part:
+    with staged(directory, *SOMETIMES) as part:
         write_whole(part / IDENTIFICATION, text)
         save_axis(part / AXIS, identified_file(file, found), comment)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import random
 import signal
@@ -12,9 +13,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.faulty_companions import Surroundings, companions
-from benchmarks.faulty_nodes import GARBLED_COUNT, Loop, beyond_doubt, garbled
+from benchmarks.faulty_nodes import GARBLED_COUNT, Faulty, Loop, beyond_doubt, garbled
 from benchmarks.faulty_watch import REFUSED, Watch
 from benchmarks.listening import Report, wait_until
+from tcs_friction.nodes.core.health import Health
 from tcs_friction.nodes.core.wire import JointWire
 from tcs_friction.nodes.graph import LOOP
 
@@ -74,6 +76,24 @@ def test_garbled_messages_differ_and_never_grow() -> None:
     made = [garbled(data, chance) for _ in range(200)]
     assert all(len(item) <= len(data) for item in made)
     assert sum(item != data for item in made) > 190
+
+
+def test_messages_are_doubled_swapped_and_lost() -> None:
+    class Sent(list[bytes]):
+        publish = list.append
+        health = Health()
+
+    wire, sent = JointWire("azimuth"), Sent()
+    faulty = Faulty(sent, sent, random.Random(0))
+    good = [wire.write(10**18 + k * 10**7, 0.1, 0.2, 0.3) for k in range(1, 5001)]
+    for data in good:
+        faulty.publish(data)
+    came = [data for data in sent if data in set(good)]
+    first = list(dict.fromkeys(came))
+    assert 30 < len(good) - len(first) < 70, "lost"
+    assert 60 < len(came) - len(first) < 140, "twice, or once more when old"
+    numbers = [good.index(data) for data in first]
+    assert 30 < sum(later < earlier for earlier, later in itertools.pairwise(numbers)) < 70, "swapped"
 
 
 def test_garbled_beyond_doubt_is_what_every_node_has_to_refuse() -> None:

@@ -148,6 +148,17 @@ def test_broken_record_makes_the_set_up_run_again(checkout: Path) -> None:
     assert "no C compiler" in run(checkout, "demo").stderr
 
 
+def test_each_python_keeps_an_environment_of_its_own(checkout: Path) -> None:
+    """The first has its place as ever; another one in between takes nothing away."""
+    assert checkout / ".tcs" == load(checkout / "tcs").HOME
+    (checkout / ".tcs/venv/lib/python3.4").mkdir(parents=True)
+    other = load(checkout / "tcs")
+    assert checkout / ".tcs/python{}.{}".format(*sys.version_info) == other.HOME
+    assert other.VENV.parent == other.ENVIRONMENT.parent == other.HOME
+    (checkout / ".tcs/venv/lib/python3.4").rename(checkout / f".tcs/venv/lib/{other.HOME.name}")
+    assert checkout / ".tcs" == load(checkout / "tcs").HOME
+
+
 def test_moved_checkout_makes_its_own_environment(checkout: Path) -> None:
     make_environment(checkout)
     moved = checkout.rename(checkout.with_name("moved"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -152,8 +153,13 @@ def test_a_linear_axis_is_told_in_micrometres(tmp_path: Path, reference: Path, c
         (["--diagnosis", "other.json"], "other.json: has no schema, expected the diagnosis.json of ./tcs diagnose"),
         (["--diagnosis", "nothing.json"], "nothing.json: names no effect of azimuth"),
         (["--diagnosis", "noparam.json"], "noparam.json: effects[0]: parameters is missing"),
-        (["--diagnosis", "str.json"], "amplitude: std: 'x', expected a number from 0"),
+        (["--diagnosis", "str.json"], "amplitude: std: 'x', expected a number above 0"),
         (["--diagnosis", "negative.json"], "negative.json: effects[0]: parameters: amplitude: std: -1.0"),
+        (["--diagnosis", "zero.json"], "amplitude: std: 0.0, expected a number above 0"),
+        (["--diagnosis", "infinite.json"], "infinite.json: is no JSON (Infinity is no number of JSON)"),
+        (["--diagnosis", "nan.json"], "nan.json: is no JSON (NaN is no number of JSON)"),
+        (["--diagnosis", "huge.json"], "amplitude: std: inf, expected a number above 0"),
+        (["--diagnosis", "true.json"], "amplitude: std: True, expected a number above 0"),
         (["--identification", "nothing.json"], "nothing.json: has the schema 'tcs_friction/diagnosis/1', expected"),
         (["--recorded-with", "law"], "--recorded-with: given without a recording, expected --recording BAG beside it"),
         (["--recording", "nowhere"], "axis.yaml: no signals block"),
@@ -173,11 +179,12 @@ def test_bad_input_is_one_line(
     Path("other.json").write_text("[1]")
     entry: dict[str, Any] = {"effect": "cogging"}
     damaged = {"noparam": entry}
-    for name, std in (("str", "x"), ("negative", -1.0)):
+    stds = {"str": "x", "negative": -1.0, "zero": 0.0, "infinite": math.inf, "nan": math.nan, "huge": "1e999", "true": True}
+    for name, std in stds.items():
         damaged[name] = {**entry, "parameters": {"amplitude": {"value": 20.0, "std": std}}}
     for name, effect_entry in damaged.items():
         content = {"schema": "tcs_friction/diagnosis/1", "effects": [effect_entry], "described": []}
-        Path(f"{name}.json").write_text(json.dumps(content))
+        Path(f"{name}.json").write_text(json.dumps(content).replace('"1e999"', "1e999"))
     diagnosis(Path("nothing.json"), {}, {"cogging": COGGING})
     path = axis(tmp_path / "axis.yaml", item("cogging", COGGING))
     assert main(["compensate", str(path), "--reference", str(reference), "-o", str(tmp_path / "out"), *words]) == 2

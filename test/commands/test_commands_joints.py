@@ -18,6 +18,7 @@ from tcs_friction.identify import first_axis
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law
 from tcs_friction.physics.terms import instance
+from tcs_friction.recording import bags
 from tcs_friction.recording.choice import Choice
 from tcs_friction.recording.encode import joint_states
 from tcs_friction.recording.recording import Column
@@ -149,7 +150,13 @@ def test_new_writes_an_axis_file_a_joint(
 
 @pytest.mark.parametrize(
     ("joint", "expected"),
-    [("4", "no joint '4', expected 0 to 3 or a name"), ("hand", "joint"), ("99999999999", "no joint"), ("\udcff", "is no text")],
+    [
+        ("4", "no joint '4', expected 0 to 3 or a name"),
+        ("hand", "joint"),
+        ("99999999999", "no joint"),
+        ("9" * 5000, "9' ..., expected 0 to 3 or a name"),
+        ("\udcff", "is no text"),
+    ],
 )
 def test_a_joint_that_is_none_is_one_line(
     joint: str, expected: str, bag: Path, axis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -160,6 +167,39 @@ def test_a_joint_that_is_none_is_one_line(
     told = capsys.readouterr().err
     assert len(told.splitlines()) == 1
     assert expected in told
+
+
+@pytest.mark.parametrize("command", ["new", "bag info", "fleet"])
+@pytest.mark.parametrize("kind", ["bag", "table"])
+def test_a_number_of_any_length_is_one_line_in_every_command(
+    command: str, kind: str, axis: Path, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded = str(request.getfixturevalue(kind))
+    axes = tmp_path / "axes.yaml"
+    axes.write_text(f"[{{axis: {axis}}}]\n")
+    more = {"new": ["-o", str(tmp_path / "new.yaml")], "fleet": ["--axes", str(axes), "-o", str(tmp_path / "out")]}
+    assert main([*command.split(), recorded, "--joint", "9" * 5000, *more.get(command, [])]) == 2
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 1
+    assert "no joint '999" in told
+    assert len(told) < 500
+
+
+def test_a_joints_number_is_looked_up_once(bag: Path, axis: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[str] = []
+    real = bags.signals_of
+
+    def counted(bag: bags.Bag, signals: SignalMap, joint: str) -> SignalMap:
+        asked.append(joint)
+        return real(bag, signals, joint)
+
+    def refuse(_: object) -> None:
+        raise JobError("here", "enough was read")
+
+    monkeypatch.setattr(bags, "signals_of", counted)
+    monkeypatch.setattr("tcs_friction.commands.identify.check_changes", refuse)
+    assert main(["identify", str(bag), "--axis", str(axis), "--joint", "1", "-o", str(tmp_path)]) == 1
+    assert asked == ["1"]
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,19 @@ def test_reversal_is_that_of_the_bristle_equation_ahead_by_delay_and_half_a_tick
     assert np.max(np.abs(np.array(torque) - expected)) < 0.02  # of 100 N m; half a tick late is 0.15
 
 
+def test_another_stiffness_makes_no_step_where_the_direction_changes() -> None:
+    """The bristle comes to the reversal with all of the Coulomb friction: with its deflection kept, a quarter would jump."""
+    softer = replace(POSITIVE, stiffness=0.75 * POSITIVE.stiffness)
+    ticks = np.arange(4000) * DT
+    speeds, accelerations = 0.01 * np.cos(2.0 * ticks), -0.02 * np.sin(2.0 * ticks)
+    steps = {}
+    for name, negative in (("alike", POSITIVE), ("softer", softer)):
+        compensator = LugreCompensator(CompensatorConfig(POSITIVE, negative), DT)
+        torque = [compensator.step(v, a) for v, a in zip(speeds, accelerations, strict=True)]
+        steps[name] = np.abs(np.diff(torque)).max()
+    assert steps["softer"] <= 1.1 * steps["alike"]
+
+
 def test_feedforward_at_rest_is_zero() -> None:
     assert StribeckFeedforward(CONFIG, DT).step(0.0, 0.0) == 0.0
 

@@ -15,7 +15,7 @@ from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
 from tcs_friction.errors import InputError
 
 PERIOD, RAMP = 0.01, 0.5
-LIMITS = TorqueLimits(10.0, 1.0, -1.0, 2.0, 0.5, 0.1, 0.05, 0.05)
+LIMITS = TorqueLimits(-1.0, 2.0, 10.0, 1.0, 0.5, 0.1, 0.05, 0.05)
 STILL = Situation(0.0, 0.0, 0.0, 0.0)
 
 

@@ -166,6 +166,14 @@ def test_a_measurement_from_start_to_report_and_a_graph_that_is_lost_and_comes_b
     page.locator("#untraced").wait_for(state="hidden")
     until(lambda: picture(page, "trail") > 10, lambda: "no points are drawn")
 
+    page.click("[data-order=compensate]")
+    assert "while the axis is tracking" in page.text_content("#confirm")
+    page.click("#confirm button[value=no]")
+    page.wait_for_selector("[data-order=measure][aria-pressed=true]")
+    page.click("[data-order=compensate]")
+    page.click("#confirm button[value=yes]")
+    wait_for(page, "#switches", "Switch1 observer: off.*Switch3 compensation: on")
+
     box = page.locator("#plot-error .u-over").bounding_box()
     page.mouse.move(box["x"] + 60, box["y"] + 60)
     page.mouse.down()

@@ -143,6 +143,10 @@ class Processes:
         """Start the whole graph, a process for each node, all of them forked from one; or in `one`."""
         self._run("graph", "graph", *([] if one else ["--processes"]), *options, "--ros-args", *arguments)
 
+    def start_ros(self, *words: str) -> None:
+        """`./tcs ros` with these words."""
+        self._run("ros", "ros", *words)
+
     def _run(self, label: str, *words: str) -> None:
         log = self._folder / f"{label}.log"
         log.touch()  # it is read before the process has opened it

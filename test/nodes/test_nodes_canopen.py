@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import wait_until
 
@@ -228,6 +229,86 @@ def test_a_drive_with_a_quick_stop_of_its_own_is_noted(rig: Callable[..., Rig], 
     assert rig().enabled().hardware.notes == ["0x6007 refuses 3 (0x06020000): what it does then is its own setting"]
 
 
+CURRENT_FOR_TORQUE = "has no torque 0x6077: its current 0x6078, of the rated one, is taken for it of the rated torque"
+
+
+@pytest.mark.parametrize(
+    ("lacks", "note", "torque"),
+    [
+        ((od.TORQUE,), CURRENT_FOR_TORQUE, 150.0),
+        ((od.TORQUE, od.CURRENT), "says no torque (0x6077, 0x6078): what is commanded is taken for it", math.nan),
+    ],
+)
+def test_a_drive_that_says_no_torque_is_used(lacks: tuple[int, ...], note: str, torque: float, rig: Callable[..., Rig]) -> None:
+    one = rig(faults=Faults(lacks=lacks)).enabled(150.0)
+    assert one.hardware.notes == [note]
+    assert one.until(lambda: one.heard[-1].torque == pytest.approx(torque, abs=0.51, nan_ok=True), 150.0)
+    assert one.until(lambda: one.heard[-1].speed > 2e-3, 150.0), "the other numbers are where they are looked for"
+
+
+def mapped(number: int, identifier: int, *objects: tuple[int, int]) -> dict[tuple[int, int], int]:
+    """A PDO as it stands in a drive: communication (at 0x1400, 0x1800) and mapping, of objects with their bits."""
+    entries = {(number + 0x200, n): index << 16 | bits for n, (index, bits) in enumerate(objects, 1)}
+    return {(number, 1): identifier, (number, 2): 1, (number + 0x200, 0): len(objects), **entries}
+
+
+FIXED = (0x1400, 0x1600, 0x1800, 0x1A00, 0x1801, 0x1A01)
+WANTED = {
+    **mapped(0x1400, 0x201, (od.CONTROLWORD, 16), (od.TARGET, 16)),
+    **mapped(0x1800, 0x181, (od.STATUSWORD, 16), (od.POSITION, 32), (od.MODE_SHOWN, 8)),
+    **mapped(0x1801, 0x281, (od.SPEED, 32), (od.TORQUE, 16), (od.ERROR, 16)),
+}
+
+
+def test_a_drive_whose_pdos_stand_as_they_are_is_used_where_they_fit(rig: Callable[..., Rig]) -> None:
+    one = rig(faults=Faults(has=WANTED, keeps=FIXED)).enabled(150.0)
+    assert one.until(lambda: one.heard[-1].torque == pytest.approx(150.0, abs=0.51), 150.0)
+    assert not one.hardware.notes
+
+
+def test_a_drive_whose_pdos_stand_otherwise_is_refused_in_one_line(rig: Callable[..., Rig]) -> None:
+    other = WANTED | mapped(0x1800, 0x181, (od.STATUSWORD, 16))
+    one = rig(faults=Faults(has=other, keeps=FIXED))
+    assert one.until(lambda: bool(one.hardware.fault))
+    assert one.hardware.fault == (
+        "node 1: PDO 0x181 holds 0x6041, of type 1, and cannot be mapped (0x06010002), "
+        "expected 0x181 with 0x6041, 0x6064, 0x6061, of type 1"
+    )
+
+
+TURN = round(SETTINGS.counts_per_turn)
+
+
+@pytest.mark.parametrize(
+    ("has", "notes"),
+    [
+        ({(od.FEED, 1): TURN, (od.FEED, 2): 1}, []),
+        ({(od.FEED, 1): 36000, (od.FEED, 2): 1, (od.GEAR_RATIO, 1): 4, (od.GEAR_RATIO, 2): 1},
+         [f"its factor group (0x6092, 0x6091) says 9000 position units in a motor turn, counts_per_turn is {TURN}"]),
+        ({(od.SPEED_UNIT, 0): 0x00B40300 + 0x4400},
+         [f"0x60A9 says 60 at one motor turn per s, speed_per_turn is {TURN}"]),
+        ({(od.SPEED_UNIT, 0): 0xFDB44700},
+         [f"0x60A9 says 60000 at one motor turn per s, speed_per_turn is {TURN}"]),
+        ({(od.SPEED_UNIT, 0): 0x00010300}, []),
+    ],
+)  # fmt: skip
+def test_other_units_of_a_factor_group_are_named(
+    has: dict[tuple[int, int], int], notes: list[str], rig: Callable[..., Rig]
+) -> None:
+    assert rig(faults=Faults(has=has)).enabled().hardware.notes == notes
+
+
+def test_a_torque_slope_is_set_out_of_the_way_or_named(rig: Callable[..., Rig]) -> None:
+    one = rig(faults=Faults(has={(od.SLOPE, 0): 500})).enabled()
+    assert one.object(od.SLOPE) == 100_000, "from -500 to 500 per mille in 10 ms"
+    assert not one.hardware.notes
+
+
+def test_a_torque_slope_that_stays_is_named(rig: Callable[..., Rig]) -> None:
+    note = "torque slope (0x6087) stays 500 per mille/s: a torque may come up to 2 s late"
+    assert rig(faults=Faults(has={(od.SLOPE, 0): 500}, keeps=(od.SLOPE,))).enabled().hardware.notes == [note]
+
+
 def test_a_drive_is_used_with_its_eds_file(rig: Callable[..., Rig], tmp_path: Path) -> None:
     path = tmp_path / "drive.eds"
     canopen.export_od(od.minimal(), str(path))
@@ -289,6 +370,15 @@ def test_a_position_goes_on_where_its_32_bits_begin_anew() -> None:
     end = 2**31 - 1
     positions = [scale.position(counts) / step for counts in (end, -end - 1, end, -end - 1, 0, end - 5, -end)]
     assert positions == pytest.approx([end, end + 1, end, end + 1, 2**32, 2**32 + end - 5, 2**32 + end + 2])
+
+
+@pytest.mark.parametrize("begin", [-500, 0])
+def test_a_position_goes_on_where_an_encoder_of_a_turn_begins_anew(begin: int) -> None:
+    scale = Scale(DriveSettings(counts_per_turn=1000.0, position_range=1000.0), False, 1.0)
+    found = [scale.position((counts - begin) % 1000 + begin) for counts in range(900, 3300, 100)]
+    assert np.diff(found) == pytest.approx(2.0 * math.pi / 10.0)
+    back = [scale.position((counts - begin) % 1000 + begin) for counts in range(3100, 800, -100)]
+    assert back == pytest.approx(found[-2::-1])
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def test_an_identifier_is_not_idle_while_states_flow_and_counts_each_once(togeth
     node._watch(101.0)
     assert "idle" not in node.health.warning
     node._watch(102.0)
-    assert "idle: no joint_states" in node.health.warning
+    assert "idle: no new joint_states" in node.health.warning
 
 
 def answer(collector: Any, stamp: int) -> None:

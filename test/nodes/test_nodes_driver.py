@@ -2,20 +2,56 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+from conftest import ROOT
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque, FrictionEstimate
 
+from tcs_friction.config import load_axis, shipped
 from tcs_friction.nodes.core.joint_states import judge
+from tcs_friction.physics.simulate import Simulator
 
 REAL_TIME = ("-p", "clock:=real_time", "-p", "period:=0.01", "-p", "switch1:=true")
+
+
+class Motor:
+    """The simulated axis as somebody's motor; what it was told last is kept."""
+
+    def __init__(self, period: float) -> None:
+        self._simulator, self.told = Simulator(load_axis(shipped("azimuth_1p2m.yaml")).axis, period), [0.0]
+
+    def move(self, torque: float) -> tuple[float, float, float]:
+        self.told.append(torque)
+        applied = self._simulator.step(torque)
+        return self._simulator.measured_position, self._simulator.measured_velocity, applied
+
+
+def test_the_driver_of_the_documentation_drives(together: Callable[..., Any]) -> None:
+    """It tracks with the torque that is commanded; without commands, and with those of two, there is none."""
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/drivers.md").read_text(), re.DOTALL)
+    content: dict[str, Any] = {}
+    exec(compile(code, "docs/drivers.md", "exec"), content)
+    period = content["PERIOD"]
+    graph = together("-p", "clock:=real_time", "-p", f"period:={period}", nodes=["reference", "lugre_compensator", "controller"])
+    motor = Motor(period)
+    driver = graph.nodes["plant"] = content["Driver"](motor)
+    graph.executor.add_node(driver)
+    assert graph.until(lambda: sum(map(bool, motor.told[-20:])) == 20, 20.0), graph["controller"].health.warning
+    assert graph["controller"]._told == (content["SPEED_LIMIT"], content["TORQUE_LIMIT"])
+    rival = graph.driver.create_publisher(AxisTorque, "torque_command", 10)
+    assert graph.until(lambda: not any(motor.told[-20:]), 10.0), "two publishers"
+    graph.driver.destroy_publisher(rival)
+    assert graph.until(lambda: sum(map(bool, motor.told[-20:])) == 20, 20.0)
+    graph["controller"].trigger_deactivate()
+    assert graph.until(lambda: not any(motor.told[-20:]), 10.0), "nobody commands"
 
 
 class Driver:

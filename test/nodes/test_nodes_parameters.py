@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -116,6 +117,14 @@ def test_static_friction_below_coulomb_friction_is_refused(together: Callable[..
 def test_a_missing_axis_file_is_an_input_error(together: Callable[..., Any]) -> None:
     with pytest.raises(InputError, match=r"nowhere\.yaml: no such file"):
         together("-p", "axis:=nowhere.yaml", nodes=["controller"])
+
+
+def test_a_pipe_as_axis_file_is_called_what_it_is(together: Callable[..., Any], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "axis.yaml")
+    with pytest.raises(InputError, match=r"axis\.yaml: is no regular file"):
+        together("-p", f"axis:={tmp_path / 'axis.yaml'}", nodes=["controller"])
+    with pytest.raises(InputError, match="is a directory"):
+        together("-p", f"axis:={tmp_path}", nodes=["controller"])
 
 
 def test_defaults_come_from_the_axis_file(together: Callable[..., Any]) -> None:

@@ -186,7 +186,7 @@ def test_wild_inputs_of_the_controller_are_refused_and_a_lost_compensation_fades
     assert controller.health.refused == 14
     assert any("following_limit" in event for event in controller.health.report(time.monotonic()).values())
     watch = Watch(graph)
-    steady = controller._faded["friction_compensation"]
+    steady = controller._compensation
     assert graph.until(lambda: steady._ramp.value == 1.0, 10.0)
     graph.executor.remove_node(graph["lugre_compensator"])
     graph.for_seconds(0.1)

@@ -16,6 +16,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from tcs_friction.nodes.core.wire import REFERENCE, TORQUE, JointWire
 from tcs_friction.nodes.graph import LOOP, factory
+from tcs_friction.nodes.loop.plant import Plant
+from tcs_friction.physics.simulate import Simulator
 
 SECOND = 1_000_000_000  # ns
 OWN = ("/diagnostics", "/parameter_events", "/rosout")
@@ -25,7 +27,14 @@ OWN = ("/diagnostics", "/parameter_events", "/rosout")
 class Loop:
     """Plant, controller, reference, observer and compensator; what they say is heard in the order in which it is said."""
 
-    def __init__(self, patch: pytest.MonkeyPatch, given: Mapping[str, Any], names: tuple[str, ...] = LOOP) -> None:
+    def __init__(
+        self,
+        patch: pytest.MonkeyPatch,
+        given: Mapping[str, Any],
+        plant: Callable[[], Any] = Plant,
+        simulator: Callable[[Any], Simulator] = lambda plant: plant._simulator,
+    ) -> None:
+        """plant: a class that takes the plant's place; simulator: what tells its simulated axis."""
         self.now = 1000.0
         self._queue: deque[tuple[str, bytes]] = deque()
         self._hearers: dict[str, list[tuple[Any, Callable[[Any], None], bool]]] = {}
@@ -33,16 +42,16 @@ class Loop:
         self._patch_nodes(patch)
         words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
         rclpy.init(args=["test", "--ros-args", *words])
-        self.nodes = {name: factory(name)() for name in names}
-        plant = self.nodes["plant"]
-        self.lock_step, self.period = plant.lock_step, plant.config.period
+        self.nodes = {name: plant() if name == "plant" else factory(name)() for name in LOOP}
+        self._plant, self._simulator = self.nodes["plant"], simulator
+        self.lock_step, self.period = self._plant.lock_step, self._plant.config.period
         self.torques: list[float] = []
+        self.applied: list[float] = []
         self.errors: list[float] = []
         self.speeds: list[float] = []
-        self._wanted: dict[int, float] = {}
         self._wire = JointWire("azimuth")
         if self.lock_step:
-            plant._states.publish(plant._state)
+            self._plant._states.publish(self._plant._state)
 
     def _patch_nodes(self, patch: pytest.MonkeyPatch) -> None:
         usual_publisher, usual_subscription = Node.create_publisher, Node.create_subscription
@@ -62,15 +71,18 @@ class Loop:
 
     def run(self, seconds: float) -> None:
         """Go on for so long."""
-        ticks = len(self.torques) + round(seconds / self.period)
-        while len(self.torques) < ticks:
-            if not self.lock_step:
-                self.now += self.period
-                self.nodes["plant"]._on_timer()
-            self._deliver(ticks)
+        ticks = round(seconds / self.period)
+        if self.lock_step:
+            end = len(self.torques) + ticks
+            self._deliver(lambda: len(self.torques) < end)
+            return
+        for _ in range(ticks):
+            self.now += self.period
+            self._plant._on_timer()
+            self._deliver(lambda: True)
 
-    def _deliver(self, ticks: int) -> None:
-        while self._queue and len(self.torques) < ticks:
+    def _deliver(self, goes_on: Callable[[], bool]) -> None:
+        while self._queue and goes_on():
             topic, data = self._queue.popleft()
             self._note(topic, data)
             for kind, hear, raw in self._hearers.get(topic, ()):
@@ -79,10 +91,11 @@ class Loop:
     def _note(self, topic: str, data: bytes) -> None:
         if topic == "torque_command":
             self.torques.append(TORQUE.read(data)[1][0])
+        elif topic == "joint_states":
+            self.applied.append(self._wire.read(data)[3])
         elif topic == "reference":
             _, numbers = REFERENCE.read(data)
-            simulator = self.nodes["plant"]._simulator
-            self.errors.append(numbers[0] - simulator.position)
+            self.errors.append(numbers[0] - self._simulator(self._plant).position)
             self.speeds.append(numbers[1])
 
     def say(self, topic: str, message: Any) -> None:

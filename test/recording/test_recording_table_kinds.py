@@ -362,3 +362,24 @@ def test_lists_of_different_length_are_refused(tmp_path: Path) -> None:
     parquet.write_table(pyarrow.table({"time": [0.0, 1.0], "position": [[1.0], [1.0, 2.0]]}), tmp_path / "a.parquet")
     with pytest.raises(InputError, match="holds lists of different length"):
         import_table(tmp_path / "a.parquet", "", {})
+
+
+@pytest.mark.parametrize(
+    ("separator", "cell"), [(";", "1.234,5"), ("\t", "1,234.5"), (",", '"1,234.50"'), (";", "-12.345.678"), (";", "1 234,5")]
+)
+def test_separators_of_thousands_are_refused(separator: str, cell: str, tmp_path: Path) -> None:
+    table = tmp_path / "drive.csv"
+    rows = [separator.join((str(k), str(k), cell if k == 7 else "5")) for k in range(40)]
+    table.write_text("\n".join([separator.join(("time", "position", "torque")), *rows]))
+    with pytest.raises(InputError, match=r"drive\.csv: row 9: .* separates thousands, expected numbers that do not"):
+        import_table(table, "axis", {})
+
+
+@pytest.mark.parametrize(("step", "unit"), [(0.004 / 86400.0, "d"), (1e-6, "d"), (1e-11, "s")])
+def test_times_that_are_too_close_for_any_axis_are_refused(step: float, unit: str, tmp_path: Path) -> None:
+    """As serial dates of a spreadsheet are, whose unit is a day."""
+    table = tmp_path / "drive.csv"
+    rows = "".join(f"{step * k:.15g},{np.sin(0.1 * k):.6f},{np.cos(0.1 * k):.6f}\n" for k in range(100))
+    table.write_text("time,position,torque\n" + rows)
+    with pytest.raises(InputError, match=f"nothing that an axis is sampled at, expected the unit: --column time=time:{unit}"):
+        import_table(table, "axis", {})

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tcs_friction.errors import InputError
+from tcs_friction.recording.signals import SignalMap, SignalSource
+from tcs_friction.recording.tables import import_table
 from tcs_friction.recording.unwrap import unwrapped
 
 TURN = 2.0 * np.pi
@@ -39,6 +44,45 @@ def test_whatever_wraps_becomes_continuous(true: np.ndarray, recorded: np.ndarra
     assert np.ptp(found.position - true) < 1e-3 * found.modulus
     assert found.places == np.count_nonzero(np.abs(np.diff(recorded)) > 0.5 * np.ptp(recorded))
     assert found.notes == (f"position: wraps at {said}, unwrapped at {found.places} place{'s'[: found.places != 1]}",)
+
+
+@pytest.mark.parametrize(
+    ("turn", "said"),
+    [
+        (360.0, "the position wraps at 360: it is in deg, expected the unit deg to be said for it"),
+        (400.0, "it is in gon"),
+        (65536.0, "the position wraps at 65536: it holds counts, expected signals: position: {scale: of a count}"),
+        (4096.0, "it holds counts"),
+        (TURN, ""),
+        (7.77, ""),
+    ],
+)
+def test_what_wraps_where_no_radian_does_is_refused(turn: float, said: str, tmp_path: Path) -> None:
+    true = np.round(turn * TURNS) if turn > 1000.0 else turn * TURNS  # a counter has whole numbers
+    rows = zip(T, np.mod(true, turn), np.cos(T), strict=True)
+    table = tmp_path / "axis.csv"
+    table.write_text("time,position,torque\n" + "".join(f"{t:.3f},{q:.9g},{u:.6g}\n" for t, q, u in rows))
+    if not said:
+        assert "unwrapped" in " ".join(import_table(table, "axis", {}).recording.notes)
+        return
+    with pytest.raises(InputError, match=re.escape(said)):
+        import_table(table, "axis", {})
+    if "deg" in said or "gon" in said:
+        unit = said.split("it is in ")[1].split(",")[0]
+        position = import_table(table, "axis", {"position": f"position:{unit}"}).recording.position
+        assert np.ptp(position - MOTION) < 1e-6
+
+
+@pytest.mark.parametrize("name", ["encoder_counts", "az_pos_ticks", "PositionCounts"])
+def test_counts_without_a_scale_are_refused(name: str, tmp_path: Path) -> None:
+    table = tmp_path / "axis.csv"
+    table.write_text(f"time,{name},torque\n" + "".join(f"{t:.3f},{1e3 * np.sin(t):.0f},{np.cos(t):.6g}\n" for t in T[:400]))
+    with pytest.raises(InputError, match=f"column '{name}' holds counts, expected signals: position: {{scale: of a count}}"):
+        import_table(table, "axis", {"position": name})
+    source = SignalSource("/joint_states", "position", "axis", scale=1e-3)
+    signals = SignalMap(source, SignalSource("/joint_states", "effort", "axis"))
+    found = import_table(table, "axis", {"position": name}, signals).recording.position
+    assert np.abs(found).max() == pytest.approx(1.0, abs=0.1)
 
 
 def test_noise_at_north_and_a_reference_beside_it() -> None:

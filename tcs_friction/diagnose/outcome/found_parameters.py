@@ -34,13 +34,15 @@ def parameters_of_law(fit: Fit, lack: Lack) -> dict[str, dict[str, Any]]:
         )
         for name, value in here.items()
     }
+    variances = {name: float(slope @ covariance @ slope) for name, slope in slopes.items()}
     return {
         name: {
             "value": value,
-            "std": math.sqrt(max(float(slopes[name] @ covariance @ slopes[name]), 0.0)),
+            "std": math.sqrt(variances[name]),
             "unit": term.parameter(name).unit_for(fit.axis.kind, fit.axis.torque_unit),
         }
         for name, value in here.items()
+        if variances[name] > 0.0  # otherwise nothing that was fitted has a say in it
     }
 
 

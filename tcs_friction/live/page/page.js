@@ -14,6 +14,14 @@ let status = {};
 let frames = 0;
 let heard = 0; // ms, when the server was heard last
 let chosen = new URLSearchParams(location.search).get("axis") ?? "";
+// What is asked before an order is given, "" for nothing.
+const questions = {
+  commission: () => "moves the axis by itself for some minutes, as far and as fast as its reference files say. Is it free to move?",
+  compensate: () =>
+    status.mode !== "compensate" && status.numbers?.reference_speed
+      ? "switches the compensation on while the axis is tracking. The torque has no step; an error of its friction parameters acts on the tracking at once. Switch it on now?"
+      : "",
+};
 
 function connect() {
   heard = performance.now();
@@ -123,7 +131,8 @@ function live() {
 
 async function order(button) {
   const name = button.dataset.order;
-  if (name === "commission" && !(await confirmed(button.textContent))) return;
+  const question = questions[name]?.();
+  if (question && !(await confirmed(button.textContent, question))) return;
   give({ order: name });
 }
 
@@ -132,8 +141,9 @@ function give(order) {
   send(order);
 }
 
-function confirmed(name) {
+function confirmed(name, question) {
   $("confirm-name").textContent = name;
+  $("confirm-question").textContent = question;
   $("confirm").returnValue = "no";
   $("confirm").showModal();
   return new Promise((done) => $("confirm").addEventListener("close", () => done($("confirm").returnValue === "yes"), { once: true }));

@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.node import Node
 
 from tcs_friction.control.reference import Reference, load_reference
+from tcs_friction.control.turns import beside
 from tcs_friction.errors import JobError
 from tcs_friction.nodes.commissioning.run_collector import RunCollector
 from tcs_friction.nodes.core.base import LOCK_STEP
@@ -19,6 +20,7 @@ from tcs_friction.nodes.core.remote import Remotes
 
 RESTS = 2.0  # s without a change, after which a reference that is not there has given up
 MOST_STARTS = 3  # that it is asked again: an axis that cannot follow is not asked for ever
+SAME = 1e-9  # rad, of a position that was turned on and back
 HEARD = ("joint_states", "reference", "friction_estimate")
 
 
@@ -65,10 +67,14 @@ class Programme:
 
     async def _go_to_start(self, reference: Reference, config: Any, wait: Callable[[str], None]) -> None:
         start = reference.at(0.0)[0]
-        there = (start, 0.0, 0.0)
+
+        def there() -> bool:
+            heard = self._runs.reference
+            return heard is not None and heard[1:] == (0.0, 0.0) and self._same(heard[0], start)
+
         await self._remotes.set("reference", {"reference_file": "", "kind": "hold", "hold.position": start}, config.answer_limit)
         last, since, again = self._runs.reference, time.monotonic(), 0
-        while not await self._waiter.until(lambda: self._runs.reference == there, 0.1):
+        while not await self._waiter.until(there, 0.1):
             wait("waiting for the axis to come to where the run begins")
             if self._runs.reference != last:
                 last, since = self._runs.reference, time.monotonic()
@@ -79,6 +85,11 @@ class Programme:
                 where = "nothing was heard of it" if last is None else f"it stays at {last[0]:.6g} with speed {last[1]:.3g}"
                 wanted = f"it to go to {start:.6g}, where the run begins"
                 raise JobError("reference", f"{where} for {config.stall_limit:g} s", wanted)
+
+    def _same(self, position: float, start: float) -> bool:
+        """Whether a reference stands where the run begins; of a continuous axis the travel may leave another turn."""
+        axis = self._node.file.axis
+        return abs(beside(position, start) - start) < SAME if axis.continuous else position == start
 
     async def rest(self, config: Any) -> None:
         """Bring the axis to rest after a run, whole or not; what cannot be done is logged."""

@@ -85,7 +85,8 @@ class RunCollector:
     def _on_reference(self, data: bytes) -> None:
         heard = self._references.take(data)
         if heard is not None:
-            stamp, self.reference = heard
+            stamp, (position, *rest) = heard
+            self.reference = (self._state.beside(position), *rest)
             if "reference" in self._series:
                 self._keep("reference", stamp, self.reference)
 

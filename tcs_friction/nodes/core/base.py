@@ -265,7 +265,7 @@ class AxisNode(Node, Generic[C]):
             return
         self.health.well("missing")
         if self.hears and self.hears not in self.health.inputs:
-            self.health.doubt("idle", f"idle: no {self.hears} for {now - since:.0f} s")
+            self.health.doubt("idle", f"idle: no new {self.hears} for {now - since:.0f} s")
 
     _waits = ""
 

@@ -11,6 +11,7 @@ from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.control.reference import Reference, load_reference
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.core.peers import LONGEST_NAME, unquoted
+from tcs_friction.plain_files import plain_file
 
 DEFAULT_AXIS = "azimuth_1p2m.yaml"
 KINDS = (".yaml", ".xml")
@@ -19,9 +20,9 @@ KINDS = (".yaml", ".xml")
 
 def config_file(name: str) -> Path:
     """An existing file as named, or the one of that name in the config folder of the checkout or of the installed package."""
-    with contextlib.suppress(OSError):  # a name too long for a file, say
-        if Path(name).is_file():
-            return Path(name)
+    with contextlib.suppress(OSError, ValueError):  # a name too long for a file, say
+        if Path(name).exists():
+            return plain_file(Path(name), "an ordinary file")
     folders = [Path(__file__).resolve().parents[3] / "config"]
     with contextlib.suppress(PackageNotFoundError):
         folders.append(Path(get_package_share_directory("tcs_friction")) / "config")

@@ -195,8 +195,8 @@ class Health:
         self._disbelieved.clear()
         then, ticks, overruns = self._before
         expected = (now - then) / limits.period
-        if not then or self.ticks == ticks:
-            return
+        if not then or self.ticks == ticks or self._stamp_before < 0 <= self.stamp:
+            return  # what is heard has begun in between
         share = (self.ticks - ticks) / expected
         interval = self._interval(self.ticks - ticks)
         if abs(interval - limits.period) > (1.0 - limits.rate_limit) * limits.period:

@@ -12,6 +12,7 @@ says (`sync_times.py`), so that a thread that is late does not make the answer t
 from __future__ import annotations
 
 import logging
+import math
 import struct
 import threading
 import time
@@ -21,7 +22,7 @@ from typing import Any
 
 from tcs_friction.errors import InputError, JobError, nearest, one_line
 from tcs_friction.nodes.drivers.canopen_settings import DriveSettings, Scale
-from tcs_friction.nodes.drivers.canopen_setup import Unreachable, prepare
+from tcs_friction.nodes.drivers.canopen_setup import Prepared, Unreachable, prepare
 from tcs_friction.nodes.drivers.cia402 import CYCLIC_SYNCHRONOUS_TORQUE, Command, State, controlword, state_of
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
 from tcs_friction.nodes.drivers.object_dictionary import dictionary
@@ -39,7 +40,8 @@ UNANSWERED = 0.1  # s without an answer to SYNC until it is said
 COUNTED = 50
 """SYNCs of which at least half have to be answered: a loop that hears fewer states is another one than was tuned."""
 FIRST, SECOND_PART, COMMAND = struct.Struct("<HiB"), struct.Struct("<ihH"), struct.Struct("<Hh")
-"""The PDOs, as `canopen_setup` maps them."""
+WITHOUT_TORQUE = struct.Struct("<iH")
+"""The PDOs, as `canopen_setup` maps them; the second of a drive that does not say its torque."""
 
 
 class CanopenHardware(Hardware):
@@ -67,6 +69,8 @@ class CanopenHardware(Hardware):
         self._thread: threading.Thread | None = None
         self._closed = threading.Event()
         self._begin()
+
+    _says_torque = True
 
     def _begin(self) -> None:
         """As after the start: nothing is known of the drive."""
@@ -115,9 +119,10 @@ class CanopenHardware(Hardware):
             try:
                 network.connect(**self._settings.bus())
                 node = network.add_node(self._settings.node_id, self._objects)
-                scale, notes = prepare(node, self._settings, self._linear, self._period, self._torque_limit)
+                prepared = prepare(node, self._settings, self._linear, self._period, self._torque_limit)
+                self._says_torque = prepared.says_torque
                 self._subscribe(network, node)
-                self._post(partial(self._prepared, network, scale, notes))
+                self._post(partial(self._prepared, network, prepared))
                 return
             except JobError as error:
                 self._post(partial(self._fail, str(error)))
@@ -138,8 +143,8 @@ class CanopenHardware(Hardware):
     def _wait_for(self, what: str) -> None:
         self.waits = what
 
-    def _prepared(self, network: Any, scale: Scale, notes: list[str]) -> None:
-        self._network, self._scale, self.notes = network, scale, notes
+    def _prepared(self, network: Any, prepared: Prepared) -> None:
+        self._network, self._scale, self.notes = network, prepared.scale, prepared.notes
         self._prepared_at = self._heard_at = self._answered = time.monotonic()
         self.waits = "no answer to SYNC yet"
 
@@ -197,8 +202,10 @@ class CanopenHardware(Hardware):
 
     def _on_second(self, _identifier: int, data: bytes, timestamp: float) -> None:
         (number, stamp), (begun, first) = self._syncs.answered(timestamp, time.monotonic()), self._parts
-        if number and begun == number and len(first) >= FIRST.size and len(data) >= SECOND_PART.size:
-            self._post(partial(self._on_answer, stamp, FIRST.unpack_from(first), SECOND_PART.unpack_from(data)))
+        kind = SECOND_PART if self._says_torque else WITHOUT_TORQUE
+        if number and begun == number and len(first) >= FIRST.size and len(data) >= kind.size:
+            speed, *torque, error = kind.unpack_from(data)
+            self._post(partial(self._on_answer, stamp, FIRST.unpack_from(first), (speed, *(torque or [math.nan]), error)))
 
     def _on_heartbeat(self, state: int) -> None:
         self._heard_at = time.monotonic()  # here, so that a late executor is no silent drive
@@ -218,7 +225,7 @@ class CanopenHardware(Hardware):
             described = f", {error.get_desc()}" if error.get_desc() else ""
             self._fail(f"node {self._settings.node_id}: emergency 0x{error.code:04X}{described}")
 
-    def _on_answer(self, stamp: int, first: tuple[int, int, int], second: tuple[int, int, int]) -> None:
+    def _on_answer(self, stamp: int, first: tuple[int, int, int], second: tuple[int, float, int]) -> None:
         if self._scale is None:
             return
         self._answered = time.monotonic()

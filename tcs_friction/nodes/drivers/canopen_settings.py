@@ -27,6 +27,9 @@ class DriveSettings:
     speed_per_turn: float = setting(0.0, "", 0.0, 1e12, "speed (0x606C) at one motor turn per s; 0: counts_per_turn", fixed=True)
     gear: float = setting(1.0, "", 1e-9, 1e9, "motor turns in a turn of the axis, or in a metre of a linear one", fixed=True)
     direction: int = setting(1, "", -1, 1, "1 or -1: which way the motor turns when the axis moves upwards", fixed=True)
+    position_range: float = setting(
+        float(WRAP), "", 1.0, float(WRAP), "counts after which the position (0x6064) begins anew", fixed=True
+    )
     zero: float = setting(0.0, "", -1e12, 1e12, "position (0x6064) at which the axis is at 0, counts", fixed=True)
     rated_torque: float = setting(0.0, "N m", 0.0, 1e9, "of the motor; 0: what the drive says in 0x6076", fixed=True)
     current_limit: float = setting(0.0, "A", 0.0, 1e6, "the drive is told with 0x6073; 0: it keeps its own", fixed=True)
@@ -72,17 +75,17 @@ class Scale:
         self.position_step = travel / settings.counts_per_turn
         self._speed = travel / (settings.speed_per_turn or settings.counts_per_turn)
         self._per_mille = rated_torque * 2.0 * math.pi / travel / 1000.0
+        self._range = settings.position_range
         self._turned = 0
         self._zero = settings.zero
         self._last: int | None = None
 
     def position(self, counts: int) -> float:
-        """Where the axis is. Goes on where the drive's 32 bits begin anew."""
+        """Where the axis is. Goes on where the drive's counts begin anew."""
         if self._last is not None:
-            step = counts - self._last
-            self._turned += (step < -WRAP // 2) - (step > WRAP // 2)
+            self._turned -= round((counts - self._last) / self._range)
         self._last = counts
-        return (counts + self._turned * WRAP - self._zero) * self.position_step
+        return (counts + self._turned * self._range - self._zero) * self.position_step
 
     def speed(self, value: int) -> float:
         """How fast it is."""

@@ -16,9 +16,11 @@ from sensor_msgs.msg import JointState
 from tcs_friction_msgs.msg import AxisTorque
 
 from tcs_friction.config import AxisFile, control_of
-from tcs_friction.control.plausible import ranges
+from tcs_friction.control.config_field import setting
+from tcs_friction.control.plausible import RANGE_OVER_LIMIT, ranges
 from tcs_friction.control.stamps import AnswerRule, RecentStates
 from tcs_friction.control.torque_gate import Situation, TorqueGate, TorqueLimits
+from tcs_friction.control.turns import Turns
 from tcs_friction.errors import InputError
 from tcs_friction.nodes.core.base import LOCK_STEP, REAL_TIME, derived
 from tcs_friction.nodes.core.convert import SECOND
@@ -32,10 +34,18 @@ from tcs_friction.nodes.drivers.hardware import Hardware, Measured
 from tcs_friction.nodes.loop.gate import LimitsPublisher, say, torque_limits
 from tcs_friction.nodes.loop.plant import COMMAND
 
+UNTOLD = 1e9  # rad
+
 
 @dataclass(frozen=True)
 class DriverConfig(TorqueLimits, ManagedConfig):
     """Settings of every driver. Those of the hardware are fixed: they hold from the start of the node to its end."""
+
+    continuous: bool = False
+    """As the axis file says: positions of the drive are angles that may begin anew after a turn."""
+    start_near: float = setting(
+        UNTOLD, "rad", -UNTOLD, UNTOLD, "continuous: where the axis is, within half a turn; 1e9: only the travel tells it"
+    )
 
 
 D = TypeVar("D", bound=DriverConfig)
@@ -64,6 +74,7 @@ class DriverNode(ManagedNode[D]):
         self._answers = AnswerRule(self._recent)
         self._gate = TorqueGate(self.config, self.config.ramp_time)
         self._limits = LimitsPublisher(self)
+        self._turns = Turns()
         self._measured, self._measured_at = Measured(-1, math.nan, math.nan, math.nan), -math.inf
         self.health.expect(COMMAND, Level.WARN)
         self.hardware = self.make(self.config)
@@ -94,6 +105,8 @@ class DriverNode(ManagedNode[D]):
     def use_limits(self, config: D) -> None:
         """Let the limits hold, and tell them."""
         limits = self.limits(config)
+        near = None if config.start_near >= UNTOLD else config.start_near
+        self._turns.configure(limits, RANGE_OVER_LIMIT * limits.overspeed, near)
         self._gate.configure(limits, config.ramp_time)
         self._limits.tell(self.file.axis.name, limits)
 
@@ -113,6 +126,9 @@ class DriverNode(ManagedNode[D]):
         if not (math.isfinite(measured.position) and math.isfinite(measured.speed)):
             self.health.refuse(f"position {measured.position:g}, speed {measured.speed:g} of the drive")
             return
+        if self.config.continuous:
+            position = self._turns.follow(measured.stamp / SECOND, measured.position, measured.speed)
+            measured = measured._replace(position=position)
         age = (self.get_clock().now().nanoseconds - measured.stamp) / SECOND
         self._measured, self._measured_at = measured, time.monotonic() - max(age, 0.0)
         self._recent.add(measured.stamp)
@@ -145,7 +161,8 @@ class DriverNode(ManagedNode[D]):
 
     def _let_on(self, now: float, elapsed: float) -> None:
         hardware, measured = self.hardware, self._measured
-        doubt = hardware.fault or hardware.doubt or (f"two publishers of {COMMAND}" if self.rivals.topics else "")
+        turn = self._turns.unknown if self.config.continuous else ""
+        doubt = hardware.fault or hardware.doubt or turn or (f"two publishers of {COMMAND}" if self.rivals.topics else "")
         motion = (measured.position, measured.speed, self._measured_at)
         verdict = self._gate.at(Situation(now, *motion, self.active, doubt, not hardware.waits), elapsed)
         self._say_drive()

@@ -71,7 +71,7 @@ class Controller(ManagedNode[ControllerConfig]):
         self._state = JointInput(self.health, self.lock_step)
         self._answers = {name: AnswerRule(self._state.recent) for name in ("reference", COMPENSATION, OBSERVER)}
         self._handlers = {"reference": self._on_reference, COMPENSATION: self._on_compensation, OBSERVER: self._on_estimate}
-        self._faded = {name: FadingInput(config.age_limit, config.ramp_time) for name in (COMPENSATION, OBSERVER)}
+        self._compensation, self._estimate = (FadingInput(config.age_limit, config.ramp_time) for _ in range(2))
         self._ramp = Ramp(config.ramp_time)
         self.start()
         self.hear_driver(self._on_state, LISTEN)
@@ -93,7 +93,7 @@ class Controller(ManagedNode[ControllerConfig]):
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._state.configure(self.file.axis.name, config)
         self._ramp.duration = config.ramp_time
-        for faded in self._faded.values():
+        for faded in (self._compensation, self._estimate):
             faded.configure(config.age_limit, config.ramp_time)
         if not self._lock_step:
             self._expect_inputs()
@@ -136,7 +136,7 @@ class Controller(ManagedNode[ControllerConfig]):
             return ""
         stamps = {
             "reference": self._reference_stamp,
-            "friction_compensation": self._compensation_stamp if self._takes_part(COMPENSATION) else self._pending,
+            "friction_compensation": self._compensation_stamp if self._takes_part() else self._pending,
             "friction_estimate": self._estimate_stamp if self.config.observer else self._pending,
         }
         late = [name for name, stamp in stamps.items() if stamp != self._pending]
@@ -186,7 +186,7 @@ class Controller(ManagedNode[ControllerConfig]):
             objection = self._out_of_reach(position)
         if (objection or not self._lock_step) and not self._usable("reference", stamp, numbers, objection):
             return
-        self._reference, self._reference_stamp = numbers, stamp
+        self._reference, self._reference_stamp = (self._state.beside(position), speed, acceleration), stamp
         if self._lock_step:
             self._command_when_complete()
 
@@ -199,7 +199,7 @@ class Controller(ManagedNode[ControllerConfig]):
         if (objection or not self._lock_step) and not self._usable(COMPENSATION, stamp, numbers, objection):
             return
         self._compensation_stamp = stamp
-        self._faded[COMPENSATION].put(numbers[0], stamp)
+        self._compensation.put(numbers[0], stamp)
         if self._lock_step:
             self._command_when_complete()
 
@@ -214,14 +214,14 @@ class Controller(ManagedNode[ControllerConfig]):
             residual = min(max(residual, -limit), limit)
         self._estimate_stamp = stamp
         if valid:
-            self._faded[OBSERVER].put(residual, stamp)
+            self._estimate.put(residual, stamp)
         else:
-            self._faded[OBSERVER].withdraw()
+            self._estimate.withdraw()
         if self._lock_step:
             self._command_when_complete()
 
     def _out_of_reach(self, position: float) -> str:
-        away, limit = abs(position - self._state.position), self.config.following_limit
+        away, limit = abs(self._state.beside(position) - self._state.position), self.config.following_limit
         return f"{away:.4g} from the axis, following_limit is {limit:.4g}" if away > limit else ""
 
     def _usable(self, name: str, stamp: int, numbers: tuple[float, ...], objection: str) -> bool:
@@ -245,7 +245,7 @@ class Controller(ManagedNode[ControllerConfig]):
         stamp, config = self._pending, self.config
         if (
             self._reference_stamp != stamp
-            or (self._compensation_stamp != stamp and self._takes_part(COMPENSATION))
+            or (self._compensation_stamp != stamp and (config.compensator or self._takes_part()))
             or (self._estimate_stamp != stamp and config.observer)
             or self._done == stamp
             or not self.active
@@ -255,25 +255,29 @@ class Controller(ManagedNode[ControllerConfig]):
         position, velocity, acceleration = self._reference
         self._command(stamp, position, velocity, acceleration, added)
 
-    def _takes_part(self, name: str) -> bool:
+    def _takes_part(self) -> bool:
         """Whether the compensator's torque is used, or has yet to fade out."""
-        return self.config.compensator or self._faded[name].share > 0.0
+        return self.config.compensator or self._compensation.share > 0.0
 
     def _added(self, stamp: int, at_once: bool) -> float:
         """Compensation and what the observer adds.
 
         What comes was held by the integrator and is taken out of it; what is switched off is put into it, what is lost is not.
         """
-        added = 0.0
-        for name, wanted in ((COMPENSATION, self.config.compensator), (OBSERVER, self.config.feed_back)):
-            faded = self._faded[name]
-            added += faded.at_once(stamp, wanted) if at_once else faded.at(stamp, wanted)
-            if faded.entered:
-                if faded.rises:
-                    self._pid.give_up(faded.entered)
-                elif not wanted:
-                    self._pid.take_over(-faded.entered)
+        config, compensation, estimate = self.config, self._compensation, self._estimate
+        if at_once:
+            return compensation.at_once(stamp, config.compensator) + estimate.at_once(stamp, config.feed_back)
+        added = compensation.at(stamp, config.compensator) + estimate.at(stamp, config.feed_back)
+        if compensation.entered or estimate.entered:
+            self._hand_over(compensation, config.compensator)
+            self._hand_over(estimate, config.feed_back)
         return added
+
+    def _hand_over(self, faded: FadingInput, wanted: bool) -> None:
+        if faded.rises:
+            self._pid.give_up(faded.entered)
+        elif not wanted:
+            self._pid.take_over(-faded.entered)
 
     def _command_with_latest(self, stamp: int, step: Step) -> None:
         """Real time: use the latest inputs that are young enough; no torque without a reference that begins at the axis."""
@@ -302,8 +306,8 @@ class Controller(ManagedNode[ControllerConfig]):
         self._pid.reset()
         self._motion.reset()
         self._ramp.value = 0.0
-        for faded in self._faded.values():
-            faded.restart()
+        self._compensation.restart()
+        self._estimate.restart()
         if new_run:
             self._reference_stamp = -1
 

@@ -89,6 +89,10 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         super().configure(config)
         self._use_lugre(config)
         self._use(self._models.use(config), config)
+        coulomb = f"{config.positive.coulomb:g} and {config.negative.coulomb:g} N m"
+        left_out = f" without {', '.join(config.left_out)}" if config.left_out else ""
+        acts = f"model {config.model}{left_out}" if config.model else f"LuGre friction, Coulomb {coulomb}"
+        self.health.values["compensates"] = acts
         self._limits = config.reference_limits(self.file.axis.inertia)
         self._ramp.duration = config.ramp_time
         self._rule.configure(config.age_limit, config.patience, period=config.period)
@@ -186,11 +190,9 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
 
     def _torque(self, stamp: int, step: Step, reference: tuple[float, ...]) -> float:
         """The compensation, 0 while Switch3 is off; it comes and goes over `ramp_time`, in lock-step not where a run begins."""
-        begins = step is NEW_RUN or self._stamp < 0
-        if self.lock_step and begins:
-            self._ramp.value = float(self.config.switch3)
-        late = begins or (not self.lock_step and stamp - self._stamp > self.config.age_limit * SECOND)
-        share = self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
+        share = self._ramp.value
+        if share != self.config.switch3:
+            share = self._faded(stamp, step)
         if step is NEW_RUN or not share:
             self._source.reset()
         if not share:
@@ -202,6 +204,14 @@ class LugreCompensatorNode(AxisNode[CompensatorNodeConfig]):
         self._source.reset()
         self.health.note(f"compensation reset: {self.config.torque_objection(torque)}")
         return 0.0
+
+    def _faded(self, stamp: int, step: Step) -> float:
+        """What of the compensation acts while it comes or goes."""
+        begins = step is NEW_RUN or self._stamp < 0
+        if self.lock_step and begins:
+            self._ramp.value = float(self.config.switch3)
+        late = begins or (not self.lock_step and stamp - self._stamp > self.config.age_limit * SECOND)
+        return self._ramp.toward(self.config.switch3, 0.0 if late else (stamp - self._stamp) / SECOND)
 
     # Surroundings
 

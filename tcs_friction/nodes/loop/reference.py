@@ -11,10 +11,11 @@ from tcs_friction_msgs.msg import AxisReference
 from tcs_friction.config import AxisFile, control_of
 from tcs_friction.control import reference as core
 from tcs_friction.control.config_field import choice, switch, text
-from tcs_friction.control.joining import JoinedReference, Phase, check_programme
+from tcs_friction.control.joining import JoinedReference, Phase, check_programme, extent
 from tcs_friction.control.plausible import MotionLimits, Ranges, motion_limits, ranges
 from tcs_friction.control.shaper import Shaper
 from tcs_friction.control.stamps import NEW_RUN, REFUSED, REPEATED, Step
+from tcs_friction.control.turns import Travel
 from tcs_friction.errors import TcsError
 from tcs_friction.nodes.core.base import AxisNode, ClockConfig, derived
 from tcs_friction.nodes.core.convert import SECOND
@@ -23,10 +24,11 @@ from tcs_friction.nodes.core.files import reference_file
 from tcs_friction.nodes.core.joint_input import JointInput
 from tcs_friction.nodes.core.qos import LISTEN
 from tcs_friction.nodes.core.wire import REFERENCE
+from tcs_friction.nodes.loop.gate import torque_limits
 
 
 @dataclass(frozen=True)
-class ReferenceConfig(MotionLimits, Ranges, ClockConfig):
+class ReferenceConfig(Travel, MotionLimits, Ranges, ClockConfig):
     """Which reference, and how it may move the axis.
 
     While it is set, `reference_file` wins over `kind`; so does a shaper in that file over `shaper`.
@@ -60,7 +62,7 @@ def defaults(file: AxisFile) -> ReferenceConfig:
     """The settings that an axis file implies."""
     control = control_of(file)
     pid = control.controller
-    return derived(ReferenceConfig, control.loop, ranges(file.axis, pid), motion_limits(file.axis, pid))
+    return derived(ReferenceConfig, control.loop, ranges(file.axis, pid), motion_limits(file.axis, pid), torque_limits(file))
 
 
 def programme_of(config: ReferenceConfig) -> tuple[object, ...]:
@@ -94,6 +96,8 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         wanted = self._chosen = chosen(config)
         if not self.lock_step:
             check_programme(wanted, config)
+            if programme_of(config) != programme_of(self.config):  # one that nobody asked for may begin nowhere
+                self._shift(wanted, config, wanted.at(0.0)[0])
 
     def configure(self, config: ReferenceConfig) -> None:
         before = self.config
@@ -114,11 +118,18 @@ class ReferenceNode(AxisNode[ReferenceConfig]):
         if self._waiting:
             return "begins when the axis is heard"
         try:
-            seconds = self._joined.join(self._seconds(), self._reference)
+            now = self._seconds()
+            shift = self._shift(self._reference, self.config, self._joined.at(now)[0])
+            seconds = self._joined.join(now, self._reference, shift)
         except TcsError as error:
             self.health.note(str(error))
             return str(error)
         return f"joins its programme in {seconds:.3f} s"
+
+    def _shift(self, programme: core.Reference, config: ReferenceConfig, here: float) -> float:
+        """What the positions of a programme (rad) are turned by, of a continuous axis that is `here`."""
+        lowest, highest = extent(programme)
+        return config.shift(lowest, highest, programme.at(0.0)[0], here, config.continuous)
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Begin the programme anew."""
