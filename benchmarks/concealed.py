@@ -43,6 +43,8 @@ from benchmarks.worlds import World
 from tcs_friction.commands.parser import positive
 from tcs_friction.diagnose.parallel import cores
 from tcs_friction.diagnose.pipeline import diagnose
+from tcs_friction.diagnose.rules import RULES
+from tcs_friction.diagnose.rules import without as rules_without
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.writable import output_directory
 
@@ -94,6 +96,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=output_directory, metavar="DIR", help="where to write a report"
     )
     parser.add_argument(
+        "--without", choices=[rule.name for rule in RULES], nargs="*", default=[], metavar="RULE",
+        help="rules that are not asked: what changes says which worlds need them",
+    )  # fmt: skip
+    parser.add_argument(
         "--jobs", type=positive, default=min(2, cores()), help="processes (default at most 2)"
     )
 
@@ -121,7 +127,7 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
                 written = sum(_watched(begun(pool, partial(save_world, folder=arguments.save), work)))
                 found.append(row(f"{kind} worlds written to {arguments.save}", float(written)))
                 continue
-            results = list(_watched(begun(pool, solve, work)))
+            results = list(_watched(begun(pool, partial(solve, without=tuple(arguments.without)), work)))
             outcomes = [result for result in results if isinstance(result, Outcome)]
             of_kind = [result.judged if isinstance(result, Outcome) else result for result in results]
             found += (rows(outcomes) if outcomes else []) + (summary(kind, of_kind) if of_kind else [])
@@ -175,10 +181,13 @@ def save_world(work: Case | Task, folder: Path) -> int:
     return 1
 
 
-def solve(work: Case | Task) -> Outcome | Judged:
-    """Make and diagnose one world; an own one with the baselines beside the tool."""
-    if isinstance(work, Task):
-        return solve_task(work)
+def solve(work: Case | Task, without: tuple[str, ...] = ()) -> Outcome | Judged:
+    """Make and diagnose one world `without` some rules; an own one with the baselines beside the tool."""
+    with rules_without(without):
+        return solve_task(work) if isinstance(work, Task) else _solve_own(work)
+
+
+def _solve_own(work: Case) -> Outcome:
     world = world_of(work)
     begin = time.perf_counter()
     found = diagnose([world.recording], world.believed).to_mapping()

@@ -22,6 +22,6 @@ def attainable(recording: Recording, believed: Axis, true: Axis) -> float:
     fits its own. At rest a fit can be led away from the true numbers.
     """
     data = prepare([recording], memory=FORGOTTEN * believed.bristle)
-    balance = TorqueBalance(data, believed.actuation_delay)
+    balance = TorqueBalance(data)
     fit = settle(balance, true, white_noise(balance.samples))
     return min(rms(balance.residual(axis, fit.noise)[balance.held_out]) for axis in (true, fit.axis))

@@ -14,12 +14,15 @@ from matplotlib.figure import Figure
 
 from benchmarks.concealed_score import BINS, Bin, Judged, Named, reliability
 from tcs_friction.config import write_whole
+from tcs_friction.diagnose.rules import RULES
 from tcs_friction.report.figures import IMPROVED, MUTED, drawn, label, panels
 from tcs_friction.report.html import page, picture, section, table, write_page
 
 SURE = 0.95  # stated probability from which a name is taken for granted
 FLOORS = 1.2  # held-out residual over the noise floor at which nothing is left to find
 RIGHT, FALSE, SAID, FALSE_BESIDE, SURE_TRUE, LAWS = 90.0, 2.0, 95.0, 10.0, 95.0, 95.0  # bars, %
+
+MOST_WORLDS = 12  # of each sort, named beside a rule
 
 Row = dict[str, Any]
 
@@ -93,6 +96,20 @@ def reliability_rows(judged: Sequence[Judged]) -> list[Row]:
     return found
 
 
+def rule_rows(judged: Sequence[Judged]) -> list[list[str]]:
+    """Rules by how many worlds they kept a false name from, and a true one: rule, worlds, worlds, which they are."""
+    found = []
+    for rule in RULES:
+        false, true = (
+            [j.world for j in judged if any(one.rule == rule.name and one.true is sort for one in j.refused)]
+            for sort in (False, True)
+        )
+        if false or true:
+            worlds = ", ".join([*false[:MOST_WORLDS], *(f"{name} (true)" for name in true[:MOST_WORLDS])])
+            found.append([rule.name, rule.family, str(len(false)), str(len(true)), worlds])
+    return found
+
+
 def _bin_row(label: str, b: Bin) -> Row:
     low, high = b.interval
     unit = f"% of {b.count} (95 %: {100.0 * low:.0f} to {100.0 * high:.0f})"
@@ -133,6 +150,10 @@ def write_report(folder: Path, judged: Sequence[Judged], rows: Sequence[Row]) ->
         f"{right} of {len(judged)} worlds are diagnosed right, with no name too many.",
         section("Can the stated probability be believed?", picture(diagram)),
         section("Results", table(("what", "value", "unit", "bar"), [_cells(entry) for entry in rows])),
+        section(
+            "What each rule refused",
+            table(("rule", "family", "worlds with a false name refused", "with a true one", "worlds"), rule_rows(judged)),
+        ),
         section(
             "Worlds that were not diagnosed right", table(("kind", "world", "held-out over floor"), wrong)
         ),

@@ -81,12 +81,21 @@ class Named:
 
 
 @dataclass(frozen=True)
+class Kept:
+    """A name that a rule refused: the rule, the effect, and whether it would have been true."""
+
+    rule: str
+    effect: str
+    true: bool
+
+
+@dataclass(frozen=True)
 class Judged:
     """What a diagnosis of one world is worth.
 
     right: the effects missing are named, no other, and the verdict is the one that follows.
     missed: ids of each effect that was not named, joined by a slash. held_out: rms over the floor, see `judge`.
-    free_run: improved over retuned rms; None unless the verdict is that physics is missing.
+    free_run: improved over retuned rms; None unless the verdict is that physics is missing. refused: names that rules refused.
     """
 
     world: str
@@ -100,6 +109,7 @@ class Judged:
     held_out: float
     free_run: float | None
     seconds: float
+    refused: tuple[Kept, ...] = ()
 
     @property
     def false_names(self) -> tuple[str, ...]:
@@ -151,7 +161,16 @@ def judge(
         float(found["fit"]["improved"]["held_out"]) / floor,
         float(free["improved"]) / float(free["retuned"]) if verdict == "missing_physics" else None,
         seconds,
+        _refused(expected, found),
     )
+
+
+def _refused(expected: Expected, found: Mapping[str, Any]) -> tuple[Kept, ...]:
+    """Names that rules refused, of effects that were fitted and of those that a search did not take."""
+    missing = set[str]().union(*expected.effects)
+    described = [(refusal["rule"], entry["effect"]) for entry in found["described"] for refusal in entry["refused"]]
+    candidates = [(entry["rule"], entry["effect"].split()[0]) for entry in found["refused"]]
+    return tuple(Kept(rule, effect, effect in missing) for rule, effect in (*described, *candidates))
 
 
 def failed(world: str, kind: str, expected: Expected, message: str, seconds: float) -> Judged:

@@ -9,16 +9,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from tcs_friction.commands.inputs import EACH, add_reading, add_recordings, choice_of
 from tcs_friction.commands.joints import ALL, Done, for_each, tell
 from tcs_friction.commands.notes import tell_notes
 from tcs_friction.commands.outputs import results_over_no_input
-from tcs_friction.commands.parser import name_word
+from tcs_friction.commands.parser import name_word, share_word
 from tcs_friction.commands.status_line import status_line
 from tcs_friction.config import AxisFile, load_axis
 from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.outcome.conclusion import TOLERANCE
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.pipeline import diagnose
 from tcs_friction.errors import InputError
@@ -46,6 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = f"which joint of the recordings, by name or by number from 0 on; {EACH}; with a model of MuJoCo, joint of the model"
     parser.add_argument("--joint", type=name_word, default="", metavar="NAME", help=which)
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
+    tolerance = "share of the friction, as 1% or 0.01, below which what remains is no verdict (default 0.1%%)"
+    parser.add_argument("--tolerance", type=share_word, default=TOLERANCE, metavar="SHARE", help=tolerance)
+    described = "write effects into axis.yaml that are described only, too, but for those that cancel each other"
+    parser.add_argument("--with-described", action="store_true", help=described)
     parser.add_argument("--json", action="store_true", help="print the result on stdout")
 
 
@@ -79,15 +85,21 @@ def diagnosed_into(arguments: argparse.Namespace, directory: Path) -> Done:
         recordings = _read(arguments, file, settled=True)
         file = file.measured_in(same_torque_unit(recordings))
         begin = 0.0 if arguments.against is None else 0.5
-        found = diagnose(recordings, file, lambda share, stage: progress(begin + (1.0 - begin) * share, stage))
+        watched = partial(_within, begin, progress)
+        found = diagnose(recordings, file, watched, arguments.tolerance)
         if remark:
             found = replace(found, evidence=replace(found.evidence, notes=(f"Believed: {remark}.", *found.evidence.notes)))
         progress(1.0, "writing")
-        report = write_diagnosis(directory, found)
+        report = write_diagnosis(directory, found, arguments.with_described)
     tell_notes(recordings)
     text = "\n".join([*([remark] if remark else []), summary(found), str(report)])
     content = found.to_mapping()
-    return Done(text, content, f"{content['verdict']}: {content['statement']}", report.name)
+    return Done(text, content, f"{content['verdict']}: {content['headline']}", report.name)
+
+
+def _within(begin: float, progress: Callable[[float, str], None], share: float, stage: str) -> None:
+    """Progress of a part of the work that begins at a share of all."""
+    progress(begin + (1.0 - begin) * share, stage)
 
 
 def _believed(arguments: argparse.Namespace, progress: Callable[[float, str], None]) -> tuple[AxisFile, str]:
@@ -138,15 +150,17 @@ def summary(found: Diagnosis) -> str:
     """The statement and the numbers behind it, for a terminal."""
     content = found.to_mapping()
     unit, position = (unit_of(name, found.axis_file.axis) for name in ("torque", "position"))
-    lines = [f"{content['verdict']}: {content['statement']}"]
+    lines = [f"{content['verdict']}: {content['headline']}", content["statement"]]
     for entry in content["effects"]:
         values = ", ".join(f"{name} {p['value']:.5g} {p.get('unit') or ''}".rstrip() for name, p in entry["parameters"].items())
         other = f"; or {', '.join(entry['equivalent'])}" if entry["equivalent"] else ""
         size = f"{entry['torque_rms']:9.3g} {unit} rms  {entry['probability']:5.0%}"
         lines.append(f"  {entry['effect']:28} {size}  {values}{other}")
-    if content["described"]:
-        names = ", ".join(f"{entry['effect']} ({entry['torque_rms']:.3g} {unit} rms)" for entry in content["described"])
-        lines.append(f"  described, not established: {names}")
+    for entry in content["described"]:
+        why = "; ".join(one["words"] for one in entry["refused"])
+        lines.append(f"  described: {entry['effect']}, {entry['torque_rms']:.3g} {unit} rms: {why}")
+    for entry in content["refused"]:
+        lines.append(f"  not taken: {entry['effect']}: {entry['words']} ({entry['question']} No.)")
     fit, free, loop = content["fit"], content["free_run"], content["closed_loop"]
     head = f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:.3g} s, {position} rms"
     lines.append(head + ("   closed loop" if loop else ""))
@@ -154,7 +168,11 @@ def summary(found: Diagnosis) -> str:
         row = fit[name]
         line = f"{name:10} {row['train']:10.4g} {row['held_out']:10.4g} {free['position_rms'][name]:21.4g}"
         lines.append(line + (f"{loop['position_rms'][name]:20.4g}" if loop else ""))
+    if content["described"]:
+        left = fit["written"]
+        lines.append(f"{'axis.yaml':10} {left['train']:10.4g} {left['held_out']:10.4g}   with what is named alone")
     lines.append(f"{'noise':10} {fit['noise_floor']:10.4g}")
+    lines.append(found.visible.words(unit))
     if content["next_experiment"]:
         lines.append(f"next: {content['next_experiment']['why']} ({EXPERIMENT})")
     return "\n".join(lines)

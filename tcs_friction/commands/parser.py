@@ -42,3 +42,15 @@ def name_word(word: str) -> str:
     if not word.isprintable():
         raise argparse.ArgumentTypeError(f"'{printable(word)}' is no text")
     return word
+
+
+def share_word(word: str) -> float:
+    """A share, as 1% or 0.01, as the `type` of an argument."""
+    number, percent = (word[:-1], 0.01) if word.endswith("%") else (word, 1.0)
+    try:
+        value = percent * float(number)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1.0:
+        raise argparse.ArgumentTypeError(f"{word!r} is no share from 0 to 1, such as 1% or 0.01")
+    return value

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from tcs_friction.conditioning.timing import LogTiming
+
 MOVING = 3.0  # standard deviations of the velocity's noise: at rest one sample in 370 seems faster
 RESOLVED = 2.0  # standard deviations of the velocity's noise over which a law's jump at rest is spread
 LEAST_SPEED = 1e-12  # rad/s, so that nothing is divided by zero where a simulated motion has no noise
@@ -53,7 +55,7 @@ class DataSet:
     period: of the recorded samples, s. dt: between compared samples, s; every `stride`-th evaluated sample is compared.
     cutoff: up to which torques are compared, Hz. velocity_noise: rad/s rms left in the velocity. position_noise: rad rms before
     filtering. position_step: of the encoder, rad, where no noise blurs it, else 0. names: of the exogenous signals.
-    temperature: whether it was recorded. notes: what was found and done, one line each.
+    temperature: whether it was recorded. notes: what was found and done, one line each. timings: of the torque of each recording.
     """
 
     stretches: tuple[Stretch, ...]
@@ -67,6 +69,17 @@ class DataSet:
     names: tuple[str, ...]
     temperature: bool
     notes: tuple[str, ...]
+    timings: tuple[LogTiming, ...] = ()
+
+    @property
+    def leeway(self) -> float:
+        """s by which the torque may act sooner or later than it stands here, which is the log's sampling and no physics."""
+        return max((timing.leeway for timing in self.timings), default=0.5 * self.period)
+
+    @property
+    def nyquist(self) -> float:
+        """Hz, half the rate at which position and torque are new."""
+        return 0.5 / max(self.period, 2.0 * self.leeway)
 
     def joined(self, name: str) -> np.ndarray:
         """One quantity of the stretches (..., n) at the samples that are compared, over all of them."""

@@ -29,12 +29,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator, PPoly
 from scipy.ndimage import uniform_filter1d
 
+from tcs_friction.conditioning.filters import low_pass
+
 Array = NDArray[np.float64]
 
 MOSTLY = 0.95  # of the steps between changes, that must be whole multiples of a number of samples for values to be stale between
 MOST_LOST = 3  # values in a row, between which a line says more than the last one
 FEWEST_CHANGES = 20  # of a torque, before anything is said about how often it is fresh
 AROUND = 5  # values on either side: of eleven squares, a mean is known to 43 % (chi squared), and what is nearer is alike
+FINER = 4  # times the rate, at which a torque's integral is taken: the images of a hold stay out of what is compared
 
 
 class Between(Enum):
@@ -91,6 +94,15 @@ class LoggedTorque:
         first, second = self.integrals(edges, acts)
         steps = np.diff(edges)
         return np.diff(first) / steps, 2.0 * (np.diff(second) - first[:-1] * steps) / steps**2
+
+    def low_passed(self, t: Array, dt: float, cutoff: float, acts: float) -> Array:
+        """(n,) the torque at even times t (n,), s, `dt` apart, behind a zero-phase low pass at `cutoff`, Hz.
+
+        It is the derivative of the low-passed integral, which is that of what the hold makes of the torque.
+        """
+        fine = t[0] + np.arange(FINER * (len(t) - 1) + 1) * (dt / FINER)
+        impulse = self.integrals(fine, acts)[0]
+        return np.ascontiguousarray(low_pass(impulse, dt / FINER, cutoff, 1)[1][::FINER])
 
     def values_at(self, at: Array) -> Array:
         """(k,) the last value logged at or before each time, s."""

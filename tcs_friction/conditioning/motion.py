@@ -36,7 +36,6 @@ UNSURE = 0.02  # of the range of positions: travel after a start within which a 
 SPIKE_WINDOW = 9  # samples
 SPIKE = 8.0  # robust standard deviations
 FILTER_ORDER = 4
-FINER = 4  # times the rate, at which a torque's integral is taken: the images of a hold stay out of what is compared
 EDGE = 1.5  # cycles of the low pass' bandwidth over which it mixes what is apart
 
 
@@ -348,7 +347,7 @@ def without_spikes(values: np.ndarray) -> tuple[np.ndarray, int]:
 def smooth(grid: Grid, rate: float, bandwidth: float, timing: Timing) -> dict[str, np.ndarray]:
     """Zero-phase low pass of every signal, with exact derivatives of the position; filtered ends are left out.
 
-    The torque is the derivative of its low-passed integral, which is that of what the hold makes of it.
+    The torque is what the hold makes of it.
     """
     dt, t = 1.0 / rate, grid.columns["t"]
     edge = min(int(EDGE * rate / bandwidth), len(t) // 4)
@@ -358,9 +357,7 @@ def smooth(grid: Grid, rate: float, bandwidth: float, timing: Timing) -> dict[st
             result[name] = values if name == "temperature" else low_pass(values, dt, bandwidth)[0]
     motion = low_pass(grid.columns["position"], dt, bandwidth, 2)
     result |= dict(zip(("position", "velocity", "acceleration"), motion, strict=True))
-    fine = t[0] + np.arange(FINER * (len(t) - 1) + 1) * (dt / FINER)
-    impulse = grid.logged.drawn(timing.between).integrals(fine, timing.acts)[0]
-    result["torque"] = low_pass(impulse, dt / FINER, bandwidth, 1)[1][::FINER]
+    result["torque"] = grid.logged.drawn(timing.between).low_passed(t, dt, bandwidth, timing.acts)
     return {name: np.ascontiguousarray(values[edge : len(t) - edge]) for name, values in result.items()}
 
 

@@ -3,10 +3,11 @@
 In: recordings. Out: a `DataSet`. The steps, each in a module of its own:
 
 1. what cannot carry a torque balance is refused (`checks`);
-2. stretches without a gap are put onto even time steps, where they are not already;
+2. stretches without a gap are put onto even time steps, where they are not already; of a position that is renewed every few
+   samples only the new ones count;
 3. the position's spectrum says up to which frequency torques can be compared (`bands`);
-4. position, velocity and acceleration come from the same low-passed position, and torque and all other signals pass the same
-   filter (`filters`), so that a torque and the motion that it causes keep their timing;
+4. position, velocity and acceleration come from the same low-passed position, and all other signals pass the same filter
+   (`filters`); the torque passes it as what its hold makes of the logged values (`hold`), at the time when they act (`timing`);
 5. edges and pauses of the log are left out, and some data are held out (`hold_out`);
 6. where the axis rests (`rest`), nothing is compared for a friction law without memory: at rest it only bounds the torque.
 """
@@ -17,14 +18,17 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tcs_friction.conditioning import hold_out
 from tcs_friction.conditioning.bands import Bands, bands, usual_spacing, visible_step
 from tcs_friction.conditioning.checks import check
 from tcs_friction.conditioning.data_set import MOVING, DataSet, Stretch
 from tcs_friction.conditioning.filters import low_pass
+from tcs_friction.conditioning.hold import Between, fresh, logged, stale_stride
 from tcs_friction.conditioning.rest import unknown_friction
 from tcs_friction.conditioning.sampling import jitter, resampled
+from tcs_friction.conditioning.timing import LogTiming, log_timing
 from tcs_friction.errors import InputError
 from tcs_friction.recording.columns import counted
 from tcs_friction.recording.mending import mendings
@@ -44,23 +48,29 @@ Series = tuple[np.ndarray, np.ndarray]  # t (n,), s; position, reference or NaN,
 
 
 def prepare(
-    recordings: Sequence[Recording], held_out: bool = True, memory: float = 0.0, at_rest: bool = True
+    recordings: Sequence[Recording],
+    held_out: bool = True,
+    memory: float = 0.0,
+    at_rest: bool = True,
+    timings: Sequence[LogTiming] | None = None,
 ) -> DataSet:
     """Put recordings onto a common filtered time base and, if `held_out`, keep some data from being fitted.
 
     What was before a stretch is unknown: it is not compared until it has moved over `memory` (rad). at_rest: whether friction is
-    known while the axis rests.
+    known while the axis rests. timings: of each recording's torque; None: as the recordings have it.
 
     Raises InputError when the data cannot carry a torque balance: too short, no motion, no torque.
     """
     check(recordings)
     segments, notes = _long_enough(recordings)
-    period = float(np.median([np.median(np.diff(recordings[k].t[s])) for k, s in segments]))
-    series = [_even(recordings[k], s, period) for k, s in segments]
-    times = [recordings[k].t[s] for k, s in segments]
+    kept = [_fresh_positions(recordings[k], s) for k, s in segments]
+    times = [recordings[k].t[chosen] for (k, _), chosen in zip(segments, kept, strict=True)]
+    period = float(np.median([np.median(np.diff(t)) for t in times]))
+    series = [_even(recordings[k], chosen, period) for (k, _), chosen in zip(segments, kept, strict=True)]
     spacing = usual_spacing(times)
     band = bands([values[0] for _, values in series], period, spacing)
-    parts = [_filtered(one, period, band) for one in series]
+    timings = [log_timing(r) for r in recordings] if timings is None else timings
+    parts = [_filtered(one, recordings[k], s, timings[k], period, band) for one, (k, s) in zip(series, segments, strict=True)]
     dt = band.step * band.stride * period
     pauses = _pauses(times, spacing, _edge(band))
     if not at_rest:
@@ -71,6 +81,7 @@ def prepare(
             )
     stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory, pauses)
     _check_fitted(stretches, recordings[0].source, band.cutoff)
+    renewals = [2.0 * timing.leeway for timing in timings]
     step = visible_step([r.position for r in recordings], band.position_noise)
     return DataSet(
         stretches=stretches,
@@ -83,7 +94,8 @@ def prepare(
         position_step=step,
         names=tuple(recordings[0].exogenous),
         temperature=all(r.temperature is not None for r in recordings),
-        notes=(*mendings(recordings), *notes, *_notes(band, period, step, sum(map(len, pauses)))),
+        notes=(*mendings(recordings), *notes, *_notes(band, period, max(period, *renewals), step, sum(map(len, pauses)))),
+        timings=tuple(timings),
     )
 
 
@@ -107,19 +119,38 @@ def _long_enough(recordings: Sequence[Recording]) -> tuple[list[Segment], list[s
     return found, [line] if left_out else []
 
 
-def _even(r: Recording, s: slice, period: float) -> Series:
-    """One segment at even steps; what is even already stays as it is."""
+def _fresh_positions(r: Recording, s: slice) -> NDArray[np.intp]:
+    """Samples of a segment whose position is new, where it is renewed every few samples: a held one is no new measurement.
+
+    Too few would be left of a short one: it stays as it is.
+    """
+    every = np.arange(s.start, s.stop)
+    few = (s.stop - s.start) < FEWEST_SAMPLES * stale_stride(r.position[s])
+    return every if few else every[fresh(r.t[s], r.position[s])]
+
+
+def _even(r: Recording, kept: NDArray[np.intp], period: float) -> Series:
+    """Samples of one segment at even steps; what is even already stays as it is."""
     temperature = np.full(len(r), NO_TEMPERATURE) if r.temperature is None else r.temperature
     reference = np.full(len(r), np.nan) if r.reference is None else r.reference
-    t, values = r.t[s], np.array([r.position, reference, r.torque, temperature, *r.exogenous.values()])[:, s]
+    t, values = r.t[kept], np.array([r.position, reference, r.torque, temperature, *r.exogenous.values()])[:, kept]
     return (t, values) if np.max(jitter(t, 1.0 / period)) < EVEN else resampled(t, values, 1.0 / period)
 
 
-def _filtered(series: Series, period: float, band: Bands) -> dict[str, np.ndarray]:
-    """Motion, torque and signals of one stretch at the samples that are evaluated."""
+def _filtered(
+    series: Series, recording: Recording, segment: slice, timing: LogTiming, period: float, band: Bands
+) -> dict[str, np.ndarray]:
+    """Motion, torque and signals of one stretch at the samples that are evaluated.
+
+    A held torque is what its hold makes of it, a momentary one passes the filter as the position does.
+    """
     t, (position, reference, torque, *signals) = series
     q, v, a = low_pass(position, period, band.motion, 2)
-    u, *others = (low_pass(x, period, band.motion)[0] for x in (torque, *signals))
+    if timing.between is Between.HELD:
+        u = logged(*recording.logged(segment)).low_passed(t, period, band.motion, timing.acts)
+    else:
+        u = low_pass(torque, period, band.motion)[0]
+    others = [low_pass(x, period, band.motion)[0] for x in signals]
     columns = {"t": t, "position": q, "velocity": v, "acceleration": a, "torque": u}
     if np.isfinite(reference).all():
         columns["reference"] = np.array(low_pass(reference, period, band.motion, 2))
@@ -198,12 +229,13 @@ def _check_fitted(stretches: Sequence[Stretch], source: str, cutoff: float) -> N
     )
 
 
-def _notes(band: Bands, period: float, step: float, pauses: int) -> list[str]:
+def _notes(band: Bands, period: float, renewal: float, step: float, pauses: int) -> list[str]:
     """What a reader of the report should know of the data set."""
     evaluated = band.step * period
     lines = [
         f"torques compared up to {band.cutoff:.3g} Hz (position noise {band.position_noise:.2g} rms), evaluated at "
-        f"{1 / evaluated:.4g} Hz, compared at {1 / (band.stride * evaluated):.4g} Hz"
+        f"{1 / evaluated:.4g} Hz, compared at {1 / (band.stride * evaluated):.4g} Hz",
+        f"modes, contacts and lags above {0.5 / renewal:.4g} Hz are not named: samples are new {1 / renewal:.4g} times a second",
     ]
     if step > 0.0:
         lines.append(f"the encoder's steps of {step:.3g} show: waves within half a step are not named")

@@ -79,7 +79,7 @@ def believed_from_recordings(
     if abs(found.offset.value) < BIAS * found.offset.std:
         axis = replace(axis, effects=start.effects)
     known = diagnose(recordings, AxisFile(axis), lambda share, stage: progress(share, f"the simulation: {stage}"))
-    axis = known.axis_file.axis
+    axis = known.complete_file.axis
     names = [item.term.id.replace("_", " ") for item in axis.effects]
     line = (
         f"{where} behaves like {axis.friction.term.id}{''.join(f', {name}' for name in names)}, with an inertia of "

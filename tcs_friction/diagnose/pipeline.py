@@ -22,20 +22,28 @@ from functools import lru_cache, partial
 import numpy as np
 
 from tcs_friction.conditioning.checks import check_units
+from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.conditioning.preprocessing import prepare
+from tcs_friction.conditioning.timing import LogTiming
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.dataset.excitation import barred, lacking
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise import white_noise
+from tcs_friction.diagnose.fit.noise_estimate import surprise
 from tcs_friction.diagnose.fit.parameters import INERTIA
-from tcs_friction.diagnose.outcome.conclusion import conclude
+from tcs_friction.diagnose.outcome.conclusion import TOLERANCE, conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.result import Diagnosis
 from tcs_friction.diagnose.remainder.maps import remaining_structure
 from tcs_friction.diagnose.remainder.remainder import Remainder, remainder_of, with_map
+from tcs_friction.diagnose.rules import Refusal, Refused, Rule
+from tcs_friction.diagnose.search.late_log import as_timed, out_of_step
 from tcs_friction.diagnose.search.laws import contradicted_at_rest, lacks, law_without_memory, shows_bristles
 from tcs_friction.diagnose.search.rivals import contested
+from tcs_friction.diagnose.search.significance import DISTINGUISHABLE
+from tcs_friction.diagnose.search.start import kind_of
 from tcs_friction.diagnose.search.stepwise import (
     Progress,
     Selection,
@@ -49,6 +57,8 @@ from tcs_friction.recording.recording import Recording
 
 WRONG_INERTIA = 0.4  # of its logarithm, by which the believed inertia is not expected to be wrong: a spring feigns another
 STAYS = 3.0  # standard deviations within which an inertia did not change
+Explained = tuple[TorqueBalance, Explanation]
+
 FORGOTTEN = 10.0  # bristle deflections, after which exp(-10) is left of how friction was bent before the recording
 
 
@@ -56,48 +66,85 @@ def diagnose(
     recordings: Sequence[Recording],
     file: AxisFile,
     progress: Progress = lambda share, stage: None,  # noqa: ARG005 names are the interface
+    tolerance: float = TOLERANCE,
 ) -> Diagnosis:
     """Find what the axis file lacks against recordings of the real axis.
 
-    Held-out data are cut off before anything is fitted or chosen. `progress(share, stage)` may raise to cancel.
+    Held-out data are cut off before anything is fitted or chosen. `progress(share, stage)` may raise to cancel. tolerance: share
+    of the friction below which what remains is no verdict.
 
     Raises InputError when the recordings cannot carry a torque balance.
     """
     progress = _never_back(progress)
     progress(0.02, "conditioning the recording")
-    data = prepare(recordings, memory=FORGOTTEN * file.axis.bristle, at_rest=not file.axis.friction.term.without_memory)
+    data = _prepared(recordings, file.axis, None)
     check_units(data, file.axis)
-    balance = TorqueBalance(data, file.axis.actuation_delay)
+    balance = TorqueBalance(data)
 
     progress(0.1, "retuning what the model has")
     retuned = settle(balance, file.axis, white_noise(balance.samples))
-    balance, retuned, base = _unless_contradicted_at_rest(recordings, file.axis, balance, retuned)
-    lacks = lacking(balance.data, file.axis)
+    prepared = partial(_prepared, recordings, file.axis)
+    balance, retuned = as_timed(balance, retuned, prepared)
+    late = out_of_step(balance, retuned, prepared)
+    explained = _explained(recordings, file.axis, balance, retuned, progress)
+    if late is not None:
+        explained = _likelier(explained, _explained(recordings, file.axis, *late, progress))
+
+    progress(0.92, "proving on held-out data")
+    balance, explanation = explained
+    return conclude(balance, file, explanation, tolerance)
+
+
+def _prepared(recordings: Sequence[Recording], believed: Axis, timings: Sequence[LogTiming] | None) -> DataSet:
+    """The data set of a believed axis, with timings of the torque; None: as the recordings have it."""
+    memory, at_rest = FORGOTTEN * believed.bristle, not believed.friction.term.without_memory
+    return prepare(recordings, memory=memory, at_rest=at_rest, timings=timings)
+
+
+def _explained(
+    recordings: Sequence[Recording], believed: Axis, balance: TorqueBalance, retuned: Fit, progress: Progress
+) -> Explained:
+    """What explains the recordings with one timing of the torque, from the retuned fit on, and the balance that says so."""
+    balance, retuned, base = _unless_contradicted_at_rest(recordings, believed, balance, retuned)
+    lacks = lacking(balance.data, believed)
     if Need.FREE_ACCELERATION in lacks:
-        instead = _instead_of_wrong_inertia(retuned.axis, file.axis)
+        instead = _instead_of_wrong_inertia(retuned.axis, believed)
         balance, retuned, base = _with_known_inertia(balance, retuned, base, instead)
         lacks = lacks if instead is None else lacks - {Need.FREE_ACCELERATION}
 
-    remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
+    remainder, selection = _searched(balance, retuned, base, believed, lacks, progress)
     if balance.inertia_known and selection.found:
-        inertia = _inertia_beside(balance, selection, file.axis)
+        inertia = _inertia_beside(balance, selection, believed)
         if inertia is not None:
             balance, retuned, base = _with_known_inertia(balance, retuned, base, inertia)
             lacks = lacks | {Need.FREE_ACCELERATION}
-            remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
-    elif _inertia_lost(balance, selection, file.axis):
-        instead = _instead_of_wrong_inertia(retuned.axis, file.axis)
+            remainder, selection = _searched(balance, retuned, base, believed, lacks, progress)
+    elif _inertia_lost(balance, selection, believed):
+        instead = _instead_of_wrong_inertia(retuned.axis, believed)
         balance, retuned, base = _with_known_inertia(balance, retuned, base, instead)
-        remainder, selection = _searched(balance, retuned, base, file.axis, lacks, progress)
+        remainder, selection = _searched(balance, retuned, base, believed, lacks, progress)
 
     progress(0.75, "looking for structure that remains")
     left = remainder(selection.base, selection.chosen)
-    if left.instead is None:
+    if left.instead is None and rules.SPECTRUM.asked:
         left = remainder(selection.base, beyond_remaining_spectrum(balance, selection.chosen, retuned))
-    explanation = _explanation(balance, file.axis, selection, left, progress)
+    return balance, _explanation(balance, believed, selection, left, progress)
 
-    progress(0.92, "proving on held-out data")
-    return conclude(balance, file, explanation)
+
+def _likelier(in_step: Explained, out_of_step: Explained) -> Explained:
+    """What explains the recordings with the log in step or, where that is likelier by more than chance, out of it.
+
+    A delay or a lag beside a log that is out of step would undo it: that log is in step.
+    """
+    if any(item.term.filters for item in out_of_step[1].unmapped.axis.effects):
+        return in_step
+
+    def surprised(one: Explained) -> float:
+        balance, fit = one[0], one[1].unmapped
+        left = surprise(balance, balance.residual(fit.axis, fit.noise))
+        return left + len(fit.free) * math.log(balance.samples.effective_count)
+
+    return out_of_step if surprised(out_of_step) + DISTINGUISHABLE < surprised(in_step) else in_step
 
 
 def _never_back(progress: Progress) -> Progress:
@@ -123,10 +170,10 @@ def _unless_contradicted_at_rest(
     if retuned.axis.friction.term.without_memory:
         return balance, retuned, retuned
     try:
-        moving = prepare(recordings, at_rest=False)
+        moving = prepare(recordings, at_rest=False, timings=balance.data.timings)
     except InputError:  # the axis hardly moves: too few samples are left to ask
         return balance, retuned, retuned
-    other = TorqueBalance(moving, balance.stated_delay)
+    other = TorqueBalance(moving)
     again = settle(other, believed, white_noise(other.samples), rounds=1)
     asked = not shows_bristles(balance, retuned.axis) or contradicted_at_rest(other, retuned, again)
     law = law_without_memory(other, again, believed) if asked else None
@@ -139,7 +186,7 @@ def _with_known_inertia(
     balance: TorqueBalance, retuned: Fit, base: Fit, inertia: float | None
 ) -> tuple[TorqueBalance, Fit, Fit]:
     """The same where acceleration follows position, and a spring could stand for any inertia: it stays, or is that given."""
-    known = TorqueBalance(balance.data, balance.stated_delay, inertia_known=True)
+    known = TorqueBalance(balance.data, inertia_known=True)
     fits = []
     for fit in (retuned, base):
         axis = fit.axis if inertia is None else replace(fit.axis, inertia=inertia)
@@ -164,7 +211,7 @@ def _inertia_beside(balance: TorqueBalance, selection: Selection, believed: Axis
     """
     known = selection.chosen.axis
     others = tuple(item for item in known.effects if Need.FREE_ACCELERATION not in item.term.needs)
-    free = TorqueBalance(balance.data, balance.stated_delay)
+    free = TorqueBalance(balance.data)
     fit = settle(free, replace(known, effects=others), selection.chosen.noise, rounds=2)
     error = dict(zip(fit.free, np.sqrt(np.diag(fit.covariance)), strict=True))[INERTIA]
     changed = abs(math.log(fit.axis.inertia / known.inertia)) > STAYS * error
@@ -203,10 +250,21 @@ def _explanation(
 ) -> Explanation:
     """The map that stands for all effects, or the effects after their contests with a map for the rest."""
     if left.instead is not None:
-        return Explanation(selection.retuned, selection.retuned, left.instead.fit, left.instead.structure, selection.rounds)
+        over = " and ".join(left.instead.structure.coordinates)
+        dropped = _dropped(selection, left.instead.fit, rules.MAP_INSTEAD, f"a map over {over} does as well as all of them")
+        fits = selection.retuned, selection.retuned, left.instead.fit
+        return Explanation(*fits, left.instead.structure, selection.rounds, dropped=dropped)
     chosen, lacking = lacks(balance, left.fit, believed)
     kept = Selection(selection.retuned, selection.base, chosen, selection.rounds)
     fit, contests = contested(balance, kept, progress)
     structure = left.structure if fit is left.fit else remaining_structure(balance, fit, fit.noise)
     improved = fit if structure is None else with_map(balance, fit, structure)
-    return Explanation(selection.retuned, fit, improved, structure, selection.rounds, contests, lacking)
+    dropped = _dropped(selection, left.fit, rules.SPECTRUM, "what remains may explain it by chance")
+    return Explanation(selection.retuned, fit, improved, structure, selection.rounds, contests, lacking, dropped)
+
+
+def _dropped(selection: Selection, kept: Fit, rule: Rule, words: str) -> tuple[Refused, ...]:
+    """The effects that a search found and that are not in the fit that was kept, refused by a rule."""
+    identities = {item.identity for item in kept.axis.effects}
+    gone = [kind_of(item).words for item in selection.found if item.identity not in identities]
+    return tuple(Refused(name, Refusal(rule, words)) for name in dict.fromkeys(gone))

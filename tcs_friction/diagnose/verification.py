@@ -42,7 +42,7 @@ def sensor_gains(recordings: Sequence[Recording], model: Axis, names: Sequence[s
     """
     law = model.friction.term
     data = prepare(recordings, held_out=False, memory=FORGOTTEN * model.bristle, at_rest=not law.without_memory)
-    balance = TorqueBalance(data, model.actuation_delay)
+    balance = TorqueBalance(data)
     noise = estimated(balance, model, white_noise(balance.samples))
     items = effect_names(model)
     complete = _left(balance, noise, model)

@@ -165,7 +165,7 @@ def _free(simulator: MujocoSimulator, stretch: Stretch, horizon: float, period: 
             simulator.step(float(stretch.torque[before]))
         simulator.hold(first, float(stretch.velocity[start]))
         position, velocity = np.empty(size), np.empty(size)
-        for k, row in enumerate(rows):
+        for k, row in enumerate(rows.tolist()):
             position[k], velocity[k] = simulator.place
             simulator.step(float(stretch.torque[row]))
         yield stretch, rows, ((stretch.position[rows] - first, position - first), (stretch.velocity[rows], velocity))

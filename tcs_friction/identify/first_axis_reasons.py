@@ -89,10 +89,10 @@ def _doubts(first: FirstAxis) -> Iterator[str]:
     lacking = [name for name, one in found.parameters.items() if not one.determined]
     if lacking:
         yield f"not determined by this motion: {', '.join(lacking)} of {found.law}"
-    if first.drive_noise is not None and found.rmse.held_out > UNEXPLAINED * first.drive_noise.left:
-        more = found.rmse.held_out / first.drive_noise.left
+    if found.rmse.held_out > UNEXPLAINED * found.noise_floor > 0.0:
+        more = found.rmse.held_out / found.noise_floor
         left = f"{found.law} leaves {found.rmse.held_out:.3g} {unit} of held-out torque"
-        yield f"{left}, {more:.2g} times what drive and encoder make: something is lacking, `./tcs diagnose` looks for it"
+        yield f"{left}, {more:.2g} times the noise floor: something is lacking, `./tcs diagnose` looks for it"
     rivals = _rivals(first)
     if rivals:
         yield f"held-out samples do not tell {found.law} from {' and '.join(rivals)}: record reversals and slow motion"

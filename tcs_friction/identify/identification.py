@@ -11,6 +11,7 @@ import numpy as np
 
 from tcs_friction.conditioning.checks import check_torque
 from tcs_friction.conditioning.motion import Data, Motion, Timing, prepare, resmoothed, timed
+from tcs_friction.conditioning.noise_floor import noise_floor
 from tcs_friction.errors import InputError, nearest
 from tcs_friction.identify import operators, pso_ga
 from tcs_friction.identify.conclusions import UNCERTAINTIES, Conclusions, refit, rms
@@ -31,7 +32,6 @@ from tcs_friction.identify.result import Identification, TorqueTiming
 from tcs_friction.identify.sharpen import Sharpened, sharpen
 from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.timing import likely_timing
-from tcs_friction.identify.uncertainty import noise_floor
 from tcs_friction.identify.words import AS_STATED, rising, when_torque_acts
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis

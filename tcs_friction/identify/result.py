@@ -125,8 +125,9 @@ class Identification:
     bound: least standard deviation that any unbiased estimate could have with noise like the residual (Cramer-Rao), by name.
     profiles: profile likelihoods by name, where asked for. history, evaluated: best cost (g,) per generation of the global
     search, and evaluations (g,) until then. outcome: how the search ended; minimum: whether at a minimum of the cost, otherwise
-    every `std` is NaN. by_speed: friction against speed, for pictures; None where there is no motion. timing: of
-    the torque; None for friction estimates. noise: None where no predictions were made.
+    every `std` is NaN. noise_floor: see `conditioning.noise_floor`, at most what is left of fitted and of held-out samples.
+    by_speed: friction against speed, for pictures; None where there is no motion. timing: of the torque; None for friction
+    estimates. noise: None where no predictions were made.
     """
 
     law: str
@@ -157,6 +158,8 @@ class Identification:
     def __post_init__(self) -> None:
         for name in ("parameters", "directions", "bound", "profiles"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        left = [value for value in (self.rmse.train, self.rmse.held_out) if math.isfinite(value)]
+        object.__setattr__(self, "noise_floor", min([self.noise_floor, *left]))
 
     @property
     def every(self) -> dict[str, Estimate]:

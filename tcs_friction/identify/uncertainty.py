@@ -113,12 +113,3 @@ def block_bootstrap(
     covariance *= few_samples(errors, len(size)) ** 2
     result: np.ndarray = covariance / np.outer(size, size)
     return result
-
-
-def noise_floor(residual: np.ndarray) -> float:
-    """Standard deviation of what no smooth function of the motion can explain: from fourth differences of samples in time.
-
-    A lower bound when the noise is coloured.
-    """
-    differences = np.diff(residual, 2)
-    return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(6.0)) if len(differences) else 0.0

@@ -9,7 +9,7 @@ from functools import cached_property
 
 from tcs_friction.errors import InputError
 from tcs_friction.physics.registry import alignment
-from tcs_friction.physics.terms import Feature, Instance, Place, instance, unit_on
+from tcs_friction.physics.terms import Feature, Instance, Place, unit_on
 
 Unit = Callable[[str], str]
 """How an axis writes a unit of a rotary one, as `Axis.unit` does; `str` for a rotary one whose torque is in N m."""
@@ -41,6 +41,8 @@ class Drive:
 class Axis:
     """One axis as somebody believes or made it. Units as in `terms`; `kind` linear reads m, N, kg.
 
+    lateness: s by which a logged torque acts later than its log was read, negative: sooner; of a fit to a log, never of a file.
+
     Raises InputError for an inertia that is not positive or terms in the wrong place.
     """
 
@@ -53,6 +55,7 @@ class Axis:
     sensors: Sensors = field(default_factory=Sensors)
     drive: Drive = field(default_factory=Drive)
     torque_unit: str = ""  # A, V or % where torque is known up to a constant; "": N m or N
+    lateness: float = 0.0
     continuous: bool = False  # its encoder's angle begins anew after a turn
 
     def __post_init__(self) -> None:
@@ -102,8 +105,8 @@ class Axis:
     def terms(self) -> tuple[Instance, ...]:
         """All terms in the order they act: drive, scale, law, opposing, body, sensor."""
         order = list(Place)
-        delay = alignment()
-        known = [instance(delay, {delay.alignment: self.actuation_delay})] if self.actuation_delay > 0.0 else []
+        delay, late = alignment(), self.actuation_delay + self.lateness
+        known = [Instance(delay, {delay.alignment: late})] if late != 0.0 else []
         every = [*known, self.friction, *self.effects]
         return tuple(sorted(every, key=lambda item: (order.index(item.term.place), item.term.rank)))
 

@@ -71,7 +71,7 @@ class Survey:
     inertia, level: the axis' inertia and dry friction. bristle: travel over which that friction turns over, 0 without bristles.
     cycle: rad of phase per unit of position at order 1. turns: for a travel over which friction builds up, when the axis turns
     back, from the last motion one way until that friction is built up the other way, s. period: time in which the motion usually
-    comes back, s; inf if it never does.
+    comes back, s; inf if it never does. acceleration: rms.
     """
 
     travel: tuple[float, float]
@@ -87,6 +87,7 @@ class Survey:
     cycle: float = 1.0
     turns: Callable[[float], Sequence[tuple[float, float]]] = never_turns
     period: float = 0.0
+    acceleration: float = 0.0
 
     @property
     def span(self) -> float:

@@ -59,6 +59,7 @@ def write_report(
         key_numbers(_numbers(diagnosis, evidence)),
         section("Where the mismatch lives", picture(where), _atlas_table(diagnosis)),
         section("Before and after", picture(series), _fit_table(diagnosis, evidence)),
+        section("Parameters", _parameters_table(diagnosis["parameters"])),
         *([section("Friction against speed", picture(friction))] if friction else []),
     ]
     if diagnosis["effects"]:
@@ -67,9 +68,9 @@ def write_report(
         parts.append(
             section(
                 "What predicts, but is not established",
-                "These predict torque. They do not come back with the same size, or are no larger than what remains: "
-                "they may be parts of something that is not in the vocabulary.",
+                "These predict torque, and a rule refused their names: they may be parts of what is not in the vocabulary.",
                 _effects_table(diagnosis["described"], evidence),
+                _refusals_table(diagnosis["described"]),
                 *map(picture, effects if not diagnosis["effects"] else ()),
             )
         )
@@ -77,6 +78,9 @@ def write_report(
         remains = draw_map(evidence.learned, evidence.torque_unit)
         effects.append(remains)
         parts.append(section("What nothing in the vocabulary explains", picture(remains)))
+    if diagnosis["refused"]:
+        rows = [[one["effect"], one["question"], one["words"]] for one in diagnosis["refused"]]
+        parts.append(section("What no rule let in", table(["effect", "no was the answer to", "numbers"], rows)))
     if evidence.runners_up:
         rows = [[r.effect, f"{r.score:.3g}", r.reason] for r in evidence.runners_up]
         head = ["hypothesis", "gain (chi-squared)", "why it lost"]
@@ -85,7 +89,7 @@ def write_report(
     if evidence.notes:
         parts.append(section("Notes", *evidence.notes))
     remark = f"Verdict: {WORDS[diagnosis['verdict']]}."
-    document = page(f"Diagnosis of {axis}", diagnosis["statement"], *parts, remark=remark)
+    document = page(f"Diagnosis of {axis}", diagnosis["headline"], diagnosis["statement"], *parts, remark=remark)
     pictures = [message, where, series, *([friction] if friction else []), *effects]
     return write_page(directory / "report.html", document, pictures)
 
@@ -133,6 +137,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         ("believed", "as given"),
         ("retuned", "same physics, best parameters"),
         ("improved", "with the physics found"),
+        *([("written", "with what is named alone, as in axis.yaml")] if diagnosis["described"] else []),
     )
     free = diagnosis.get("free_run") or {}
     position = free.get("position_rms") or {}
@@ -141,6 +146,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         [
             f"{name}: {words}",
             *(_digits(diagnosis["fit"][name][part]) for part in ("train", "held_out")),
+            _percent(diagnosis["fit"][name]["fit_percent"]),
             _digits(position.get(name)),
             *([_digits(loop[name])] if loop else []),
         ]
@@ -153,14 +159,34 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         "model",
         f"residual, train ({unit})",
         f"residual, held out ({unit})",
+        "fit of it (1 - NRMSE)",
         f"free-run error{after} ({evidence.position_unit})",
         *([f"closed-loop error{after} ({evidence.position_unit})"] if loop else []),
     ]
     return table(head, rows, f"Noise floor {_digits(diagnosis['fit']['noise_floor'])} {unit}")
 
 
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f} %"
+
+
 def _digits(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"
+
+
+def _parameters_table(told: Sequence[Mapping[str, Any]]) -> Html:
+    def cell(one: Mapping[str, Any] | None) -> str:
+        return "–" if one is None else unbroken(with_error(one["value"], one["std"]))
+
+    rows = [
+        [f"{one['name']} ({one['unit']})", _digits(one["believed"]), cell(one["retuned"]), cell(one["improved"])] for one in told
+    ]
+    return table(["parameter", "believed", "retuned", "with the physics found"], rows)
+
+
+def _refusals_table(described: Sequence[Mapping[str, Any]]) -> Html:
+    rows = [[entry["effect"], one["question"], one["words"]] for entry in described for one in entry["refused"]]
+    return table(["effect", "no was the answer to", "numbers"], rows)
 
 
 def _effects_table(found: Sequence[Mapping[str, Any]], evidence: Evidence) -> Html:

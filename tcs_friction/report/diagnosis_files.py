@@ -24,12 +24,16 @@ SOMETIMES = (EXPERIMENT, "effect_[0-9]*.png", "learned_map.png", "friction_speed
 DESCRIBED, UNKNOWN = "the diagnosis describes it only", "the diagnosis does not know it"
 
 
-def write_diagnosis(directory: Path, found: Diagnosis) -> Path:
-    """Write everything a diagnosis gives into `directory`; returns the report's path."""
+def write_diagnosis(directory: Path, found: Diagnosis, with_described: bool = False) -> Path:
+    """Write everything a diagnosis gives into `directory`; returns the report's path.
+
+    The axis file holds what is named, and `with_described` what is described, too.
+    """
+    file = found.complete_file if with_described else found.axis_file
     content = found.to_mapping()
     with staged(directory, *SOMETIMES) as part:
         write_whole(part / DIAGNOSIS, json.dumps(content, indent=2, allow_nan=False) + "\n")
-        save_axis(part / "axis.yaml", found.axis_file, f"Diagnosed by tcs-friction: {found.statement}")
+        save_axis(part / "axis.yaml", file, f"Diagnosed by tcs-friction: {found.statement}\n{found.seen.words}")
         why = None
         if found.next_experiment:
             write_whole(part / EXPERIMENT, reference_text(found.next_experiment))

@@ -54,8 +54,9 @@ def ranked(evidence: Evidence) -> list[CoordinateCurve]:
 @drawn("message", "Left: what each model leaves of the torque in data that no fit has seen, and the noise floor, which no "
        "model gets below. Right: where the mismatch lives; measured torque less all else (grey), fitted (blue).")  # fmt: skip
 def draw_message(diagnosis: Mapping[str, Any], evidence: Evidence) -> Figure:
-    """Held-out residuals as bars; the largest effects by themselves, or else the most telling curve of the atlas."""
-    largest = sorted(evidence.isolated, key=lambda one: -float(np.mean(np.square(one.fitted))))[:MOST_IN_MESSAGE]
+    """Held-out residuals as bars; the largest named effects by themselves, or else the most telling curve of the atlas."""
+    named = [one for one in evidence.isolated if one.named]
+    largest = sorted(named, key=lambda one: -float(np.mean(np.square(one.fitted))))[:MOST_IN_MESSAGE]
     curves = [] if largest else ranked(evidence)[:1]
     beside = len(largest) + len(curves)
     ratios = [1.0, *[1.2 if beside == 1 else 0.85] * beside]
@@ -84,11 +85,13 @@ def _draw_sizes(axes: Axes, fit: Mapping[str, Any], unit: str) -> None:
     axes.barh(places, sizes, 0.62, color=[COLORS[name] for name in WORDS])
     if least > 0.0 and sizes.max() > FAR_APART * least:
         axes.set_xscale("log")
-        axes.set_xlim(0.4 * least, 6.0 * sizes.max())
+        axes.set_xlim(0.4 * least, 30.0 * sizes.max())
     else:
-        axes.set_xlim(0.0, 1.25 * max(sizes.max(), floor) or 1.0)
-    for place, size in zip(places, sizes, strict=True):
-        axes.annotate(f"{size:.3g}", (size, place), xytext=(4, 0), textcoords="offset points", va="center", weight="bold")
+        axes.set_xlim(0.0, 1.6 * max(sizes.max(), floor) or 1.0)
+    for place, size, name in zip(places, sizes, WORDS, strict=True):
+        met = fit[name].get("fit_percent")
+        told = f"{size:.3g}" if met is None else f"{size:.3g}, fit {met:.0f} %"
+        axes.annotate(told, (size, place), xytext=(4, 0), textcoords="offset points", va="center", weight="bold")
     if floor > 0.0:
         axes.axvline(floor, color=MEASURED, ls="--", lw=1.0)
         axes.annotate(f" noise floor {floor:.3g}", (floor, -0.72), fontsize=8.5, color=MEASURED, va="center")

@@ -6,8 +6,24 @@ from typing import Any
 
 import pytest
 
-from benchmarks.concealed_report import reliability_diagram, reliability_rows, summary, write_report
-from benchmarks.concealed_score import Expected, Judged, Named, failed, judge, matched, reliability, wilson
+from benchmarks.concealed_report import (
+    reliability_diagram,
+    reliability_rows,
+    rule_rows,
+    summary,
+    write_report,
+)
+from benchmarks.concealed_score import (
+    Expected,
+    Judged,
+    Kept,
+    Named,
+    failed,
+    judge,
+    matched,
+    reliability,
+    wilson,
+)
 from tcs_friction.errors import InputError
 
 
@@ -20,6 +36,8 @@ def diagnosis(*entries: dict[str, Any], verdict: str = "", unexplained: bool = F
     return {
         "verdict": verdict,
         "effects": list(entries),
+        "described": [{"effect": "cogging", "refused": [{"rule": "left"}]}],
+        "refused": [{"effect": "exogenous from wind", "rule": "too_small"}],
         "unexplained": {"present": unexplained},
         "fit": {"improved": {"held_out": 0.6}, "noise_floor": 0.4},
         "free_run": {"position_rms": {"believed": 3.0, "retuned": 2.0, "improved": 1.0}},
@@ -176,3 +194,9 @@ def test_the_report_has_the_diagram(tmp_path: Any) -> None:
     assert (tmp_path / "reliability.png").read_bytes()[1:4] == b"PNG"
     assert (tmp_path / "judged.json").is_file()
     assert reliability_diagram([]).png
+
+
+def test_names_that_rules_refused_are_told_from_true_ones() -> None:
+    assert judged(wants("cogging")).refused == (Kept("left", "cogging", True), Kept("too_small", "exogenous", False))
+    rows = {entry[0]: entry[2:4] for entry in rule_rows([judged(wants("cogging")), judged(wants())])}
+    assert rows == {"left": ["1", "1"], "too_small": ["2", "0"]}

@@ -16,7 +16,9 @@ from tcs_friction.config import AxisFile, load_axis, save_axis
 from tcs_friction.control.reference import load_reference
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
-from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained
+from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Seen, Told, Unexplained
+from tcs_friction.diagnose.outcome.visible import Visible
+from tcs_friction.diagnose.rules import TOO_SMALL, Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.errors import InputError
 from tcs_friction.physics.axis import Axis
@@ -38,6 +40,7 @@ SIGNALS = SignalMap.from_mapping(
 )
 AXIS = Axis("test", 2.0, instance(law("coulomb_viscous"), {"coulomb": 1.0, "viscous": 0.5}))
 BIAS = instance(effect("torque_bias"), {"bias": 0.4})
+DRAG = instance(effect("quadratic_drag"), {"coefficient": 3.0})
 EXPERIMENT = {
     "reference": {"kind": "sinusoid", "amplitude": 0.1, "period": 10.0},
     "separates": ["torque_bias", "imbalance"],
@@ -59,12 +62,12 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         0.4,
         0.1,
         -50.0,
-        Agreement(1.0, 0.01, 12, 0.99),
-        True,
+        Agreement(1.0, 0.01, 12, 1.0, 0.1),
     )
     return Diagnosis(
         "missing_physics",
         "The model lacks torque_bias.",
+        "It lacks torque_bias, 0.4 N m.",
         (found,),
         (),
         Unexplained(),
@@ -78,7 +81,14 @@ def diagnosis(file: AxisFile, experiment: dict[str, Any] | None = EXPERIMENT) ->
         (),
         experiment,
         (),
+        (),
+        (Refused("backlash", Refusal(TOO_SMALL, "it would gain 50", {"gain": 50.0})),),
         file.with_axis(file.axis.with_effect(BIAS)),
+        file.with_axis(file.axis.with_effect(BIAS).with_effect(DRAG)),
+        Errors(0.1, 0.1),
+        Seen((-1.0, 1.0), 1.0, 2.0, None, ("rad", "rad/s", "N m")),
+        Visible(12.0, 0.9, {"cogging": 0.05, "warmup_drift": 0.4}, 0.01),
+        (Told("inertia", "kg m^2", 1.0, (1.1, 0.01), None),),
         Evidence(t, noise + 0.5, noise + 0.4, noise, t > 8.0),
     )
 
@@ -95,8 +105,8 @@ def folder(tmp_path: Path) -> Path:
 def stood_in(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     calls: list[Any] = []
 
-    def diagnose(recordings: Any, file: AxisFile, progress: Any = None) -> Diagnosis:
-        calls.append((recordings, file))
+    def diagnose(recordings: Any, file: AxisFile, progress: Any = None, tolerance: float = 0.0) -> Diagnosis:
+        calls.append((recordings, file, tolerance))
         progress(0.5, "half way")
         return diagnosis(file)
 
@@ -181,3 +191,30 @@ def test_an_axis_file_without_signals_is_refused(folder: Path, capsys: pytest.Ca
     save_axis(folder / "axis.yaml", replace(AxisFile(AXIS), signals=None))
     assert cli.main(arguments(folder)) == 2
     assert "no signals block" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_the_axis_file_holds_what_is_described_only_if_asked_for(folder: Path, stood_in: list[Any], asked: bool) -> None:
+    assert cli.main(arguments(folder, *(["--with-described"] if asked else []))) == 0
+    assert stood_in
+    written = folder / "out" / "axis.yaml"
+    effects = [item.term.id for item in load_axis(written).axis.effects]
+    assert effects == ["torque_bias", *(["quadratic_drag"] if asked else [])]
+    assert "# Told from position -1 to 1 rad, speed up to 1 rad/s, torque up to 2 N m" in written.read_text()
+
+
+def test_what_was_asked_is_said(folder: Path, stood_in: list[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(arguments(folder, "--tolerance", "1%")) == 0
+    assert stood_in
+    printed = capsys.readouterr().out
+    seen = "seen would be cogging from about 0.05 N m rms on, warmup_drift from 0.4."
+    assert f"Asked were 90 % of the data, up to 12 Hz; {seen}" in printed
+    asked = json.loads((folder / "out" / "diagnosis.json").read_text())["asked"]
+    assert asked == {"band": 12.0, "share": 0.9, "sizes": {"cogging": 0.05, "warmup_drift": 0.4}, "tolerance": 0.01}
+
+
+@pytest.mark.parametrize("word", ["-1%", "100%", "1.5", "much"])
+def test_a_tolerance_is_a_share(folder: Path, word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments(folder, f"--tolerance={word}"))
+    assert "is no share from 0 to 1, such as 1% or 0.01" in capsys.readouterr().err

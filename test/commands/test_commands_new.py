@@ -315,7 +315,7 @@ def test_every_real_recording_gives_a_file_that_a_diagnosis_can_begin_with(
     file = load_axis(path)
     data = prepare(read_recordings([recorded], file.mapped(path)), memory=10.0 * file.axis.bristle)
     check_units(data, file.axis)
-    assert np.isfinite(TorqueBalance(data, file.axis.actuation_delay).torque_residual(file.axis)).all()
+    assert np.isfinite(TorqueBalance(data).torque_residual(file.axis)).all()
 
 
 def test_no_real_recording_is_forgotten(shared_data: Path) -> None:

@@ -14,16 +14,18 @@ from concealed_torque_cases import Motion, axis, conditioned, settled, unfitted
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
+from tcs_friction.diagnose.fit.noise_estimate import estimated
 from tcs_friction.diagnose.outcome import conclusion
 from tcs_friction.diagnose.outcome.conclusion import conclude
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.proof import (
     _far_larger,
+    _not_resolved,
     _Proof,
-    _resolved,
     found_effects,
 )
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Verdict
+from tcs_friction.diagnose.rules import LEFT, Refusal
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.rivals import Contest
 from tcs_friction.diagnose.search.start import Kind, Start, kind_of
@@ -287,7 +289,7 @@ def test_collisions_are_not_named_where_a_simulation_moves_worse(
     rattling = unfitted(balance, both.axis.with_effect(slack), both.noise, KNOWN)
     contests = [contest(balance, rattling, item.identity) for item in rattling.axis.effects]
     named = found_effects(balance, Explanation(retuned, rattling, rattling, None, (), tuple(contests)), axis(), 0.1)
-    certain = tuple(replace(one, established=True) for one in named)
+    certain = tuple(replace(one, refused=()) for one in named)
     monkeypatch.setattr(conclusion, "found_effects", lambda *_: certain)
     monkeypatch.setattr(conclusion, "window_errors", lambda _, axis, **_rest: np.full(50, 1.0 + len(axis.effects)))
     found = concluded(fitted, *contests, improved=rattling)
@@ -360,7 +362,7 @@ def test_a_wave_that_echoes_a_larger_one_of_its_order_is_not_named(fitted: tuple
         fit = unfitted(balance, axis().with_effect(cogging).with_effect(second), retuned.noise, KNOWN)
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
         item = fit.axis.effects[-1]
-        assert proof._echoes(item, proof._size(item)) == echo, (order, amplitude)
+        assert (proof._echo(item, proof._size(item)) is not None) == echo, (order, amplitude)
 
 
 @pytest.fixture(scope="module")
@@ -455,7 +457,7 @@ def test_an_effect_within_the_noise_is_described_only_where_a_much_larger_one_in
 ) -> None:
     """A spring that is not quite linear does what gravity does, but no wave and no step in time; wind acts in its mean, too."""
     proof, large, one = within_the_noise_beside(larger, small, torque)
-    assert proof.outshone(one, [large, one], 2.0 * one.torque_rms) == outshone
+    assert (proof.outshone(one, [large, one], 2.0 * one.torque_rms) is not None) == outshone
 
 
 def test_what_is_beyond_the_noise_or_not_much_smaller_is_named_beside_a_larger_effect() -> None:
@@ -463,7 +465,7 @@ def test_what_is_beyond_the_noise_or_not_much_smaller_is_named_beside_a_larger_e
     proof, large, small = within_the_noise_beside(CABLE, GRAVITY, lambda m: of_cable(m) + 0.3 * np.sin(m.q + 0.4))
     for size, floor, outshone in ((0.2, 0.5, True), (0.2, 0.1, False), (0.4, 0.5, False)):
         one, noise = replace(small, torque_rms=size * large.torque_rms), floor * large.torque_rms
-        assert proof.outshone(one, [large, one], noise) == outshone, (size, floor)
+        assert (proof.outshone(one, [large, one], noise) is not None) == outshone, (size, floor)
         assert not proof.outshone(one, [one], noise), "the other one is described only"
         assert not proof.outshone(large, [large, one], noise)
     wind = replace(large, instance=instance(effect("wind_torque"), {"coefficient": 0.03}, signal="wind_speed"))
@@ -478,7 +480,8 @@ def test_what_is_left_of_held_out_data_hides_small_effects_as_the_noise_does() -
     waves = [instance(effect("cogging"), {"order": order, "amplitude": size, "phase": 0.0}) for order, size in sizes.items()]
     data = conditioned(np.random.default_rng(3), lambda m: 3.0 * np.cos(40.0 * m.q) + 0.3 * np.cos(47.0 * m.q), seconds=80.0)
     balance, retuned = settled(data)
-    both = unfitted(balance, axis().with_effect(waves[0]).with_effect(waves[1]), retuned.noise, KNOWN)
+    complete = axis().with_effect(waves[0]).with_effect(waves[1])
+    both = unfitted(balance, complete, estimated(balance, complete, retuned.noise), KNOWN)
     contests = tuple(contest(balance, both, item.identity) for item in both.axis.effects)
     explanation = Explanation(retuned, both, both, None, (), contests)
     assert rms(balance.residual(both.axis, both.noise)[balance.held_out]) > 0.25 > 0.3 / math.sqrt(2.0)
@@ -510,18 +513,18 @@ def test_gravity_that_wind_of_another_form_does_is_described_only() -> None:
     for panel, gravity in ((lambda q: np.cos(q) ** 2, 0.0), (np.ones_like, 1.0)):
         proof, wind, small = wind_and_gravity(lambda q, w, f=panel, g=gravity: 0.05 * f(q) * w * np.abs(w) + g * np.cos(q))
         for one in (small, replace(small, torque_rms=2.0 * wind.torque_rms)):
-            assert proof.in_the_mean_of_a_signal(one, [wind, one]) == (gravity == 0.0)
+            assert (proof.in_the_mean_of_a_signal(one, [wind, one]) is not None) == (gravity == 0.0)
         assert not proof.in_the_mean_of_a_signal(small, [small])
 
 
 def test_gravity_smaller_than_what_a_signal_does_wrongly_is_described_only() -> None:
     proof, wind, gravity = wind_and_gravity(lambda q, w: 0.05 * w * np.abs(w) + np.cos(q))
-    wrong = replace(wind, established=False)
+    wrong = wind.unless(Refusal(LEFT, "what is left could be it"))
     assert gravity.torque_rms < wind.torque_rms
     assert proof.in_the_mean_of_a_signal(gravity, [wrong, gravity])
     cogging = replace(gravity, instance=instance(effect("cogging"), {"order": 40.0, "amplitude": 1.0, "phase": 0.0}))
     assert not proof.in_the_mean_of_a_signal(cogging, [wrong, cogging]), "no wind has waves over the position"
-    assert not proof.in_the_mean_of_a_signal(gravity, [replace(wind, established=True), gravity])
+    assert not proof.in_the_mean_of_a_signal(gravity, [replace(wind, refused=()), gravity])
     larger = replace(gravity, torque_rms=2.0 * wind.torque_rms)
     assert not proof.in_the_mean_of_a_signal(larger, [wrong, larger])
 
@@ -535,7 +538,7 @@ def test_of_effects_that_take_each_other_away_none_is_named_where_more_is_left_t
         pair = [instance(effect("imbalance"), {"amplitude": a, "phase": p}) for a, p in ((20.0, 1.2), (15.0, 1.2 + turned))]
         fit = unfitted(balance, axis().with_effect(pair[0]).with_effect(pair[1]), retuned.noise, KNOWN)
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
-        assert [proof.cancelled(item) for item in fit.axis.effects] == [gone, gone]
+        assert [proof.cancelled(item) is not None for item in fit.axis.effects] == [gone, gone]
         contests = tuple(contest(balance, fit, item.identity) for item in fit.axis.effects)
         for floor in (0.3, 1e3):
             found = found_effects(balance, Explanation(retuned, fit, fit, None, (), contests), axis(), floor)
@@ -552,9 +555,9 @@ def test_friction_of_the_position_that_echoes_a_larger_one_is_not_named(fitted: 
         fit = unfitted(balance, axis().with_effect(bump).with_effect(wave), retuned.noise, KNOWN)
         proof = _Proof(balance, Explanation(retuned, fit, fit, None, (), ()))
         item = fit.axis.effects[-1]
-        assert proof._echoes(item, proof._size(item)) == echo, amplitude
+        assert (proof._echo(item, proof._size(item)) is not None) == echo, amplitude
         first = fit.axis.effects[0]
-        assert not proof._echoes(first, proof._size(first))
+        assert proof._echo(first, proof._size(first)) is None
 
 
 @pytest.mark.parametrize(
@@ -572,6 +575,6 @@ def test_a_retuning_that_predicts_worse_is_no_better_model(
 @pytest.mark.parametrize(("deviation", "resolved"), [(0.5, True), (1.5, False)])
 def test_the_size_of_a_named_effect_is_told_from_zero(deviation: float, resolved: bool) -> None:
     for value in (2.0, -2.0):
-        assert _resolved(BIAS, {"bias": {"value": value, "std": deviation}}) is resolved
+        assert (_not_resolved(BIAS, {"bias": {"value": value, "std": deviation}}) is None) is resolved
     lag = instance(effect("actuator_lag"), {"time_constant": 0.01})
-    assert _resolved(lag, {"time_constant": {"value": 0.01, "std": 0.02}}), "a shape has bounds of its own"
+    assert _not_resolved(lag, {"time_constant": {"value": 0.01, "std": 0.02}}) is None, "a shape has bounds of its own"

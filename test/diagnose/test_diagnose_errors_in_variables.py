@@ -63,7 +63,7 @@ def test_where_hardly_anything_drives_the_axis_noise_gives_no_squares() -> None:
 
 def test_the_driven_part_of_an_acceleration_has_the_reference_and_not_the_noise() -> None:
     recording, plant = telescope(drive_noise=0.3, speed=0.01)
-    balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle), plant.actuation_delay)
+    balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle))
     fit = settle(balance, plant, white_noise(balance.samples))
     noise = np.random.default_rng(1).standard_normal(len(balance.train)) * 0.1
     wave = 5.0 * np.sin(0.5 * balance.data.joined("t"))
@@ -90,7 +90,7 @@ def test_a_lighter_axis_owes_more_to_noise() -> None:
 
 def test_a_torque_that_is_not_logged_makes_no_axis_lighter() -> None:
     recording, plant = telescope(drive_noise=0.87, speed=0.01)
-    balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle), plant.actuation_delay)
+    balance = TorqueBalance(prepare([recording], memory=10.0 * plant.bristle))
     fit = settle(balance, plant, white_noise(balance.samples))
     plain = fit_untimed(balance, fit.axis, replace(fit.noise, bias=AttenuationBias()), 12)
     assert plain.axis.inertia < 0.992 * plant.inertia

@@ -13,6 +13,7 @@ from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.conditioning.preprocessing import prepare
 from tcs_friction.diagnose.outcome.free_run import (
     free_run,
+    independent,
     moves_worse,
     telling_horizon,
     typical,
@@ -123,6 +124,19 @@ def test_a_model_moves_worse_if_its_errors_are_larger_by_more_than_chance() -> N
     assert not moves_worse(far, first), "in a few windows only"
     assert not moves_worse(first, first)
     assert not moves_worse(np.zeros(0), np.zeros(0))
+
+
+def test_windows_that_resemble_their_neighbours_are_fewer_than_they_seem() -> None:
+    """One in a hundred is a false alarm, where Student's t of all of them gives one in ten."""
+    rng, alarms, runs = np.random.default_rng(2), 0, 1000
+    for _ in range(runs):
+        shocks, ratios = rng.standard_normal(100), np.zeros(100)
+        for k in range(100):
+            ratios[k] = 0.6 * ratios[k - 1] * (k > 0) + shocks[k]
+        alarms += moves_worse(np.exp(ratios), np.ones(100))
+    assert alarms < 0.03 * runs
+    assert independent(rng.standard_normal(400)) > 200.0
+    assert independent(np.ones(5)) == 5.0
 
 
 def test_the_typical_error_is_not_that_of_a_few_windows() -> None:

@@ -50,11 +50,15 @@ def test_an_inertia_that_the_recording_does_not_tell_is_lost_only_far_from_the_b
 
 
 def test_alignment_is_no_wrong_parameter() -> None:
-    """A torque is held for a period, so the logged one acts half of it early; the plant's own delay is stated."""
+    """A log that has the torque which acted up to its stamp; the plant's own delay is stated and stays what it was."""
     recording, plant = telescope(drive_noise=0.05, speed=0.01)
     found = diagnose([recording], telescope_file().with_axis(plant))
-    late = found.axis_file.axis.actuation_delay - plant.actuation_delay
-    assert late == pytest.approx(-0.5e-3, abs=0.15e-3)
+    assert found.axis_file.axis.actuation_delay == plant.actuation_delay
+    (acts,) = found.timing
+    assert acts.acts == pytest.approx(-1e-3, abs=0.15e-3)
+    assert acts.determined
+    assert acts.usual
+    late = acts.acts - acts.timing.acts
     assert found.believed.held_out > 1.5 * found.retuned.held_out
     assert found.verdict == "match"
     assert f"acts {-1e3 * late:.2g} ms earlier than stated" in found.statement
@@ -66,8 +70,8 @@ def test_friction_before_a_recording_is_not_held_against_the_model() -> None:
     ways = np.sign(np.diff(recording.position[::100]))
     turns = 100 * (1 + np.flatnonzero(ways[1:] * ways[:-1] < 0.0))
     part = recording.part(slice(turns[0], len(recording)))
-    wrong = TorqueBalance(prepare([part]), plant.actuation_delay)
-    right = TorqueBalance(prepare([part], memory=10.0 * plant.bristle), plant.actuation_delay)
+    wrong = TorqueBalance(prepare([part]))
+    right = TorqueBalance(prepare([part], memory=10.0 * plant.bristle))
     assert np.abs(wrong.residual(plant, white_noise(wrong.samples))[wrong.train]).max() > 10.0
     assert np.abs(right.residual(plant, white_noise(right.samples))[right.train]).max() < 1.0
     assert diagnose([part], telescope_file().with_axis(plant)).verdict == "match"

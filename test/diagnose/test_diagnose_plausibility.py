@@ -56,6 +56,14 @@ def test_a_wave_within_the_steps_of_a_coarse_encoder_is_not_named(
         ("transport_delay", {"delay": 0.6 * DT}, None),
         ("periodic_vibration", {"frequency": 8.001, "amplitude": 2.0, "phase": 0.0}, Doubt.TWICE),  # beside one of 8 Hz
         ("periodic_vibration", {"frequency": 8.01, "amplitude": 2.0, "phase": 0.0}, None),
+        ("flexible_mode", {"frequency": 0.51 / DT, "damping": 0.05, "inertia_ratio": 0.3}, Doubt.BEYOND_SAMPLING),
+        ("flexible_mode", {"frequency": 0.49 / DT, "damping": 0.05, "inertia_ratio": 0.3}, Doubt.TOO_SMALL),
+        ("actuator_lag", {"time_constant": 0.3 * DT}, Doubt.BEYOND_SAMPLING),
+        (
+            "backlash",
+            {"gap": 1e-4, "inertia_ratio": 0.3, "contact_frequency": 0.6 / DT, "contact_damping": 0.2},
+            Doubt.BEYOND_SAMPLING,
+        ),
         ("flexible_mode", {"frequency": 3.0, "damping": 0.9, "inertia_ratio": 0.3}, Doubt.WARNED),
         ("flexible_mode", {"frequency": 3.0, "damping": 0.05, "inertia_ratio": 0.3}, None),
         ("coulomb_asymmetry", {"asymmetry": 0.9499}, Doubt.AT_BOUND),

@@ -205,6 +205,14 @@ def test_a_step_at_a_turn_is_told_where_the_axis_slides_both_ways_beside_it(turn
     assert (effect("load_step").implausible({"step": 1.0, "time": 20.2}, view) == "") is told
 
 
+@pytest.mark.parametrize(("contact", "told"), [(3.5, False), (12.0, True), (50.0, True)])
+def test_a_contact_softer_than_its_gap_is_wide_is_no_backlash(contact: float, told: bool) -> None:
+    """At 8 rad/s^2 it gives way by 17 mrad at 3.5 Hz, and by 1.4 mrad at 12 Hz."""
+    view = Survey((0.0, 1.0), 0.01, 0.1, 0.0, 40.0, 50.0, 1e-8, 1.0, 0.6, 0.0, acceleration=8.0)
+    values = {"gap": 4e-3, "inertia_ratio": 0.3, "contact_frequency": contact, "contact_damping": 0.2}
+    assert (effect("backlash").implausible(values, view) == "") is told
+
+
 def test_bristles_of_the_law_set_the_least_width_of_a_cable(quiet: tuple[TorqueBalance, Fit]) -> None:
     balance, fit = quiet
     soft = instance(law("dahl_viscous"), {"coulomb": 60.0, "stiffness": 1500.0, "viscous": 500.0})

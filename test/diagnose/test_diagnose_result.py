@@ -6,18 +6,42 @@ import json
 
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.result import Found
+from tcs_friction.diagnose.rules import LEFT, MOVES, RULES, Refusal, without
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance
 
 
 def found(item: Instance, *equivalent: Kind) -> Found:
-    agreement = Agreement(1.0, 0.01, 12, 0.99)
-    return Found(item, equivalent, 0.5, {}, {"coordinate": "position"}, 1.0, 2.0, 1.0, -10.0, agreement, True)
+    agreement = Agreement(1.0, 0.01, 12, 1.0, 0.1)
+    return Found(item, equivalent, 0.5, {}, {"coordinate": "position"}, 1.0, 2.0, 1.0, -10.0, agreement)
 
 
 def through(signal: str) -> Instance:
     return instance(effect("exogenous"), {"linear": 1.0}, signal=signal)
+
+
+def test_what_is_not_named_says_which_rule_refused_it() -> None:
+    one = found(instance(effect("torque_bias"), {"bias": 1.0}))
+    assert one.established
+    assert "refused" not in one.to_mapping()
+    refused = one.unless(None).unless(Refusal(LEFT, "what is left could be it: 0.2 N m against 0.04", {"left": 0.2, "own": 0.04}))
+    assert not refused.established
+    (why,) = refused.to_mapping()["refused"]
+    assert (why["rule"], why["family"]) == ("left", "what is left could be it")
+    assert why["question"].endswith("?")
+    assert why["numbers"] == {"left": 0.2, "own": 0.04}
+
+
+def test_each_rule_has_a_name_of_its_own_and_can_be_left_out() -> None:
+    names = [rule.name for rule in RULES]
+    assert len(set(names)) == len(names)
+    with without(["left"]):
+        assert not LEFT.asked
+        with without(["left", "moves"]):
+            assert not MOVES.asked
+        assert not LEFT.asked
+    assert all(rule.asked for rule in RULES)
 
 
 def test_an_equivalent_through_another_signal_says_through_which() -> None:

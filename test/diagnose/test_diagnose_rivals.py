@@ -196,7 +196,7 @@ def test_a_spring_is_a_rival_of_gravity_also_where_no_round_of_the_search_brough
     hose = instance(effect("cable_hysteresis"), {"amplitude": 3.7, "width": 0.05})
     cable = instance(effect("cable_wrap"), {"stiffness": 40.0})
     recording, plant = telescope(0.3, 0.01, effects=(cable, hose), duration=120.0)
-    balance = TorqueBalance(prepare([recording]), plant.actuation_delay)
+    balance = TorqueBalance(prepare([recording]))
     gravity = instance(effect("imbalance"), {"amplitude": 40.0, "phase": 0.0})
     fit = settle(balance, replace(plant, effects=(gravity, hose)), white_noise(balance.samples))
     _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])

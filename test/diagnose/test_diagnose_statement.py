@@ -14,7 +14,7 @@ ERRORS = {name: Errors(x, x) for name, x in (("believed", 3.0), ("retuned", 2.0)
 def found(name: str, **values: float) -> Found:
     given = {k: {"value": v, "std": 0.1, "unit": effect(name).parameter(k).unit} for k, v in values.items()}
     item = instance(effect(name), values)
-    return Found(item, (), 1.0, given, {}, 0.7, 2.0, 0.5, -100.0, Agreement(1.0, 0.01, 12, 0.99), True)
+    return Found(item, (), 1.0, given, {}, 0.7, 2.0, 0.5, -100.0, Agreement(1.0, 0.01, 12, 1.0, 0.1))
 
 
 def said(*effects: Found, verdict: str = "missing_physics", mapped: bool = False) -> str:

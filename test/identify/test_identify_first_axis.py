@@ -10,7 +10,6 @@ from identify_cases import axis_of, recording
 
 from tcs_friction.errors import InputError
 from tcs_friction.identify import first_axis as module
-from tcs_friction.identify.drive_noise import DriveNoise
 from tcs_friction.identify.first_axis import FirstAxis, first_axis
 from tcs_friction.identify.first_axis_reasons import doubts, reasons
 from tcs_friction.identify.gravity import PositionTorque
@@ -60,8 +59,8 @@ def test_each_doubt_is_said(found: FirstAxis) -> None:
     assert "the sign of the torque is not told: it does 1 J" in changed(found, work=told_nothing)
     assert "a spring or gravity" in changed(found, position=PositionTorque(found.position.balance, spring=4.0))
     assert "noise of the drive is not told" in changed(found, drive_noise=None)
-    quiet = DriveNoise(0.1, 5.0, found.found.rmse.held_out / 2.0)
-    assert "2 times what drive and encoder make: something is lacking" in changed(found, drive_noise=quiet)
+    quiet = replace(found.found, noise_floor=found.found.rmse.held_out / 2.0)
+    assert "2 times the noise floor: something is lacking" in changed(found, found=quiet)
     one_way = replace(found.motion, velocity=np.abs(found.motion.velocity) + 1.0)
     assert "goes one way only" in changed(found, motion=one_way)
     offset = replace(found.found.offset, value=2.0 * found.largest)

@@ -11,8 +11,9 @@ import pytest
 
 from tcs_friction.diagnose.outcome.plot_data import CoordinateCurve, Evidence, Isolated, Map, RunnerUp
 from tcs_friction.numerics.by_speed import speed_bins, torque_by_speed
+from tcs_friction.report import diagnosis_plots
 from tcs_friction.report.diagnosis import write_report
-from tcs_friction.report.diagnosis_plots import draw_series
+from tcs_friction.report.diagnosis_plots import draw_message, draw_series
 from tcs_friction.report.numbers import unbroken
 
 RANDOM = np.random.default_rng(0)
@@ -50,6 +51,7 @@ def evidence() -> Evidence:
 def diagnosis() -> dict[str, Any]:
     return {
         "verdict": "missing_physics",
+        "headline": "The model lacks cogging.",
         "statement": "The motor cogs 72 times a turn.",
         "effects": [
             {
@@ -65,11 +67,21 @@ def diagnosis() -> dict[str, Any]:
             }
         ],
         "described": [],
+        "refused": [{"effect": "backlash", "rule": "too_small", "question": "Is it large enough?", "words": "it would gain 50"}],
+        "parameters": [
+            {
+                "name": "inertia",
+                "unit": "kg m^2",
+                "believed": 1000.0,
+                "retuned": {"value": 996.21, "std": 0.012},
+                "improved": None,
+            }
+        ],
         "fit": {
             "noise_floor": 0.3,
-            "believed": {"train": 1.4, "held_out": 1.42},
-            "retuned": {"train": 1.2, "held_out": 1.23},
-            "improved": {"train": 0.3, "held_out": 0.31},
+            "believed": {"train": 1.4, "held_out": 1.42, "fit_percent": 90.4},
+            "retuned": {"train": 1.2, "held_out": 1.23, "fit_percent": 91.0},
+            "improved": {"train": 0.3, "held_out": 0.31, "fit_percent": None},
         },
         "free_run": {"horizon": 1.0, "position_rms": {"believed": 1e-4, "retuned": 8e-5, "improved": 1e-6}},
         "atlas": [
@@ -119,6 +131,10 @@ def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence,
     )
     for words in (
         "The motor cogs 72 times a turn.",
+        "The model lacks cogging.",
+        "it would gain 50",
+        unbroken("996.210 ± 0.012"),
+        "91.0 %",
         "physics is missing",
         unbroken("order 72.001 ± 0.012 1/turn"),
         "torque_ripple",
@@ -133,6 +149,20 @@ def test_page_says_what_was_found(diagnosis: dict[str, Any], evidence: Evidence,
         assert words in document
     assert document.index("every 0.0873 rad") < document.index("7.15 Hz")  # more telling, with a smaller share
     assert {entry.stem for entry in tmp_path.glob("*.png")} == {"message", "where", "before_after", "effect_1_cogging"}
+
+
+def test_the_first_picture_shows_what_is_named(
+    diagnosis: dict[str, Any], evidence: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither what was believed all along nor what is described, however large."""
+    drawn: list[str] = []
+    monkeypatch.setattr(diagnosis_plots, "_draw_effect", lambda _axes, item, _unit: drawn.append(item.title))
+    (cogging,) = evidence.isolated
+    cable = replace(cogging, title="cable, believed all along", fitted=9.0 * cogging.fitted, named=False)
+    draw_message(diagnosis, replace(evidence, isolated=(cable, cogging)))
+    assert drawn == ["cogging, order 64 1/turn"]
+    draw_message(diagnosis, replace(evidence, isolated=(cable,)))
+    assert len(drawn) == 1
 
 
 @pytest.mark.parametrize(("times", "same"), [(1.0, True), (20.0, False)])

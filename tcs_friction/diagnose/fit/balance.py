@@ -29,9 +29,6 @@ from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Role
 
-HELD = 0.5  # periods of the log: a torque that is held for one acts half of it earlier
-LATER_THAN_STATED = 0.25  # periods of the log by which a torque may act later where a delay is stated
-LATER_UNSTATED = 0.5  # the same where none is stated: a stamp at the other end of the period
 ALIGNMENT_STEP = 1e-3  # of the time between samples, for derivatives
 WHITENING_SECONDS = 0.5  # half length of the whitening filter at most: its resolution in frequency is 1 Hz
 BLOCKS_PER_FILTER = 20.0  # median length of a train block over the filter's half length: a tenth of the rows is lost
@@ -41,12 +38,13 @@ SHORTEST_FILTER = 4  # samples on either side
 class TorqueBalance:
     """Torque balances over one data set.
 
-    stated_delay: s, of the axis file, known delay between the logged torque and its action. inertia_known: it is not fitted.
+    inertia_known: it is not fitted. reach: s by which the torque may act sooner or later than the log has it; None: as far as
+    stamps may be meant.
     """
 
-    def __init__(self, data: DataSet, stated_delay: float = 0.0, inertia_known: bool = False) -> None:
+    def __init__(self, data: DataSet, inertia_known: bool = False, reach: tuple[float, float] | None = None) -> None:
         self.data = data
-        self.stated_delay = stated_delay
+        self.reach = (-data.leeway, data.leeway) if reach is None else reach
         self.inertia_known = inertia_known
         self.samples = compared_samples(data, _filter_half_length(data))
         self.train, self.held_out = self.samples.train, self.samples.held_out
@@ -54,22 +52,16 @@ class TorqueBalance:
         self.terms = TorqueTerms(data)
         self.repeatable = RepeatablePart(data, self.train)
 
-    @property
-    def alignment_leeway(self) -> float:
-        """s by which a torque may act later than the log has it, which is no physics but the log's sampling."""
-        return (LATER_THAN_STATED if self.stated_delay > 0.0 else LATER_UNSTATED) * self.data.period
-
     def free(self, axis: Axis) -> list[FreeNumber]:
-        """The free numbers of a joint fit, the alignment of torque and position in the log among them.
+        """The free numbers of a joint fit, the alignment of torque and position in the log among them where nobody states it.
 
         An axis with an effect that is a pure delay has its alignment in that.
         """
         free = [number for number in free_parameters(axis) if not (self.inertia_known and number.part is Part.INERTIA)]
-        if any(item.term.alignment for item in axis.effects):
+        if self.reach == (0.0, 0.0) or any(item.term.alignment for item in axis.effects):
             return free
-        bounds = (max(self.stated_delay - HELD * self.data.period, 0.0), self.stated_delay + self.alignment_leeway)
         step = ALIGNMENT_STEP * self.data.dt
-        return [*free, FreeNumber(Part.ALIGNMENT, "actuation_delay", Form.PLAIN, step, bounds=bounds)]
+        return [*free, FreeNumber(Part.ALIGNMENT, "lateness", Form.PLAIN, step, bounds=self.reach)]
 
     def residual(self, axis: Axis, noise: NoiseModel, keep: bool = True) -> np.ndarray:
         """Torque residual (n,), N m; where bodies swing, with the noise of the motion as small as if they did not.

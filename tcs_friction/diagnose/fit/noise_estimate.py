@@ -15,8 +15,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import fft, ndimage, signal
+from scipy import ndimage, signal
 
+from tcs_friction.conditioning import noise_floor as common
+from tcs_friction.conditioning.noise_floor import BLOCK_EXPONENTS, block_length, periodograms, steady_power
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.errors_in_variables import QUIET_MOTION, attenuation_bias
 from tcs_friction.diagnose.fit.noise import ComparedSamples, NoiseModel, whitening_filter
@@ -24,11 +26,6 @@ from tcs_friction.diagnose.fit.parameters import INERTIA
 from tcs_friction.physics.axis import Axis
 
 MOST_FROM_ENCODER = 0.9  # of the noise power at a frequency: the drive always adds a little
-MEDIAN_OF_CHI_SQUARED = math.log(2.0)  # of two degrees of freedom, over its mean: median of a periodogram
-BLOCKS_WANTED = 24.0  # of the periodogram: their median scatters by 0.3 before neighbouring frequencies are joined
-BLOCK_EXPONENTS = (5, 10)  # blocks of 32 to 1024 samples
-SMOOTHED_SHARE = 32  # the median over frequencies spans this part of the spectrum
-LEAST_POWER = 1e-12  # of the largest: a spectrum must not vanish
 NEIGHBOURS = 3  # frequencies whose mean power says whether motion is driven there
 LEVEL_SECONDS = 1.0  # over which the noise level may change
 SHORTEST_LEVEL_WINDOW = 8  # samples
@@ -88,17 +85,14 @@ def noise_spectrum(balance: TorqueBalance, residual: np.ndarray) -> tuple[np.nda
     if not len(blocks):
         even = np.linspace(0.0, 0.5 / samples.dt, 17)
         return even, np.full(17, 2.0 * samples.dt * np.var(residual[samples.train]))
-    power = 2.0 * samples.dt * np.median(np.abs(blocks) ** 2, axis=0) / MEDIAN_OF_CHI_SQUARED
-    power[0] = power[1]  # the blocks' means were taken away
-    width = max(3, (len(frequency) - 1) // SMOOTHED_SHARE * 2 + 1)
-    power = ndimage.median_filter(power, width, mode="reflect")
-    return frequency, np.maximum(power, LEAST_POWER * power.max())
+    return frequency, 2.0 * samples.dt * steady_power(blocks)
 
 
 def noise_floor(balance: TorqueBalance, residual: np.ndarray) -> float:
-    """N m rms of the noise in a residual (n,): the integral of its robust spectrum."""
+    """N m rms of the noise in a residual (n,) less its repeatable part (see `conditioning.noise_floor`)."""
     frequency, power = noise_spectrum(balance, residual)
-    return math.sqrt(float(np.trapezoid(power, frequency)))
+    steady = math.sqrt(float(np.trapezoid(power, frequency)))
+    return common.noise_floor(residual, steady, (balance.train, balance.held_out))
 
 
 def misfit(balance: TorqueBalance, residual: np.ndarray) -> float:
@@ -107,24 +101,25 @@ def misfit(balance: TorqueBalance, residual: np.ndarray) -> float:
     return max(1.0, float(np.mean(residual[balance.train] ** 2)) / max(floor**2, 1e-300))
 
 
+def surprise(balance: TorqueBalance, residual: np.ndarray) -> float:
+    """Minus twice the log-likelihood of a residual (n,) as noise of just its own spectrum, repeatable or not, but for a constant.
+
+    Whittle's: the sum of the logarithms of its power at the frequencies that are compared. It compares models of one recording
+    whatever noise models they were fitted under.
+    """
+    frequency, (blocks,) = _periodograms(balance.samples, [residual])
+    power = np.mean(np.abs(blocks) ** 2, axis=0)[frequency <= balance.data.cutoff][1:] if len(blocks) else np.zeros(0)
+    if not len(power):
+        power = np.mean(residual[balance.train] ** 2, keepdims=True)
+    return balance.samples.effective_count * float(np.mean(np.log(np.maximum(power, 1e-300))))
+
+
 def _periodograms(
     samples: ComparedSamples, series: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies (f,), Hz, and spectra (blocks, f) of windowed train data of series (n,); of white noise its deviation."""
-    lowest, highest = BLOCK_EXPONENTS
-    length = 1 << max(lowest, min(highest, int(math.log2(max(len(samples.rows) / BLOCKS_WANTED, 1 << lowest)))))
-    window = signal.get_window("hann", length)
-    window /= math.sqrt(np.sum(window**2))
-    begins = [
-        begin
-        for s in samples.stretches
-        for begin in range(s.start, s.stop - length + 1, length // 2)
-        if samples.train[begin : begin + length].all()
-    ]
-    spectra = []
-    for x in series:
-        pieces = np.stack([x[begin : begin + length] for begin in begins]) if begins else np.empty((0, length))
-        spectra.append(fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)), axis=1))
+    length = block_length(len(samples.rows))
+    spectra = periodograms(series, samples.train, samples.stretches, length)
     return np.fft.rfftfreq(length, samples.dt), spectra
 
 

@@ -27,7 +27,7 @@ LARGEST_LOGARITHM = 700.0  # of a double
 class Part(enum.Enum):
     """The part of an axis that a free number belongs to."""
 
-    ALIGNMENT = "alignment"  # delay between the logged torque and its action
+    ALIGNMENT = "alignment"  # lateness of the logged torque
     INERTIA = "inertia"
     FRICTION = "friction"
     EFFECT = "effect"
@@ -132,7 +132,7 @@ def _read(axis: Axis, number: FreeNumber) -> float:
     if number.part is Part.INERTIA:
         value = axis.inertia
     elif number.part is Part.ALIGNMENT:
-        value = axis.actuation_delay
+        value = axis.lateness
     else:
         item = axis.friction if number.part is Part.FRICTION else number.item(axis)
         assert item is not None
@@ -146,7 +146,7 @@ def _read(axis: Axis, number: FreeNumber) -> float:
 
 def with_numbers(axis: Axis, free: Sequence[FreeNumber], numbers: np.ndarray) -> Axis:
     """The axis with those free numbers (k,), each kept within its declared bounds."""
-    inertia, delay = axis.inertia, axis.actuation_delay
+    inertia, late = axis.inertia, axis.lateness
     law: dict[str, float] = {}
     effects: dict[int, dict[str, float]] = {}
     cosine = 0.0
@@ -157,7 +157,7 @@ def with_numbers(axis: Axis, free: Sequence[FreeNumber], numbers: np.ndarray) ->
         if own.part is Part.INERTIA:
             inertia = min(max(value, own.bounds[0]), own.bounds[1])
         elif own.part is Part.ALIGNMENT:
-            delay = min(max(value, own.bounds[0]), own.bounds[1])
+            late = min(max(value, own.bounds[0]), own.bounds[1])
         elif own.part is Part.FRICTION:
             law[own.name] = value
         elif own.effect is not None:
@@ -171,7 +171,7 @@ def with_numbers(axis: Axis, free: Sequence[FreeNumber], numbers: np.ndarray) ->
                 values[own.name] = value
     items = tuple(_with_values(item, effects.get(item.identity, {})) for item in axis.effects)
     friction = _with_values(axis.friction, law)
-    return replace(axis, inertia=inertia, actuation_delay=delay, friction=friction, effects=items)
+    return replace(axis, inertia=inertia, lateness=late, friction=friction, effects=items)
 
 
 def _with_values(item: Instance, values: Mapping[str, float]) -> Instance:

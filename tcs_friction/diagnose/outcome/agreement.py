@@ -7,13 +7,17 @@ misses. Two questions do not:
 
 1. Does the effect come back with the same size? Each piece p of the data has its own least-squares multiple a_p of the torque
    that was fitted to the train data, 1 where it agrees, and the variance v_p of that by the noise. The pieces differ by more than
-   noise where the model is wrong otherwise: their mean is that of a random-effects meta-analysis,
+   noise where the model is wrong otherwise: the mean is that of a random-effects meta-analysis,
 
-       a = sum(a_p / (v_p + tau^2)) / sum(1 / (v_p + tau^2))
+       a = sum(a_p / (v_p + tau^2)) / sum(1 / (v_p + tau^2))        over the held-out pieces
 
-   with the variance tau^2 between pieces by DerSimonian and Laird (1986) and the standard error by Hartung and Knapp (2001).
-   a over its standard error is Student's t with one degree of freedom less than there are pieces. Held-out pieces count like
-   the others: nothing was fitted to them.
+   with the variance tau^2 between all pieces by DerSimonian and Laird (1986) and the standard error by Hartung and Knapp (2001).
+   The multiples of fitted pieces average 1 by the normal equations whatever was fitted: they tell the scatter and not the mean.
+   a over its standard error is Student's t with one degree of freedom less than there are pieces with a say in the scatter,
+
+       n = sum(w_p)^2 / sum(w_p^2),        w_p = 1 / (v_p + tau^2)        (Kish 1965)
+
+   so that pieces in which the effect hardly acts are no replications.
    An effect that changes the inertia has the acceleration's noise in its torque, and so has the residual: there the multiple is
    that of the part of its torque that is driven (an instrumental variable).
 2. How much of what was not explained before does it explain? An effect that is smaller than what is left may be a part of that.
@@ -32,6 +36,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
@@ -41,7 +46,6 @@ from tcs_friction.diagnose.search.matched_filter import wave_angle
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Place
 
-FEWEST_PIECES = 3  # from which a scatter between pieces is known at all
 FLOOR_ERROR = 0.05  # of its power, to which a noise floor is known: a median over some 24 blocks and 32 neighbouring frequencies
 PLACES = 24  # of equal length in the travel or the time, or of equal count of velocities, over which a mean depends on that
 OF_THE_VELOCITY = ("velocity", "direction")  # coordinates that the velocity alone gives
@@ -55,22 +59,34 @@ LEAST_LEFT = 2e-3  # of the noise power, that nobody would see: what one name ou
 class Agreement:
     """What independent pieces of the data say of an effect.
 
-    multiple, deviation: of the fitted torque in independent pieces, mean and its standard error. pieces: how many. explained:
-    share of the power that was not explained without the effect, beyond noise, of held-out data or of all, the smaller one.
+    multiple, deviation: of the fitted torque in pieces that were not fitted, mean and its standard error. pieces: in how many it
+    acts, so that their scatter is known. gone, left: torque that it takes away, and what is left beyond noise and could be the
+    same, N m rms, of held-out data or of all, where it explains less.
     """
 
     multiple: float
     deviation: float
-    pieces: int
-    explained: float
+    pieces: float
+    gone: float
+    left: float
+
+    @property
+    def explained(self) -> float:
+        """Share of the power that was not explained without the effect."""
+        return self.gone**2 / max(self.gone**2 + self.left**2, 1e-300)
+
+    @property
+    def comes_back(self) -> float:
+        """Probability that independent pieces have it, too."""
+        if self.pieces <= 1.0:
+            return 0.0
+        t = self.multiple / max(self.deviation, 1e-300)
+        return 1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1))
 
     @property
     def probability(self) -> float:
         """That the effect is there, by agreement and by what it leaves."""
-        if self.pieces < FEWEST_PIECES:
-            return self.explained
-        t = self.multiple / max(self.deviation, 1e-300)
-        return self.explained * (1.0 - 2.0 * float(stats.t.sf(max(t, 0.0), self.pieces - 1)))
+        return self.explained * self.comes_back
 
 
 def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance) -> Agreement:
@@ -81,7 +97,7 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
     since none comes at its exact time, and what depends on the velocity can be a part of no more than that, unless more than
     noise is left: wrong models leave what looks like collisions, and wrong friction laws what depends on the way from a reversal.
     """
-    noise, pieces = fit.noise, balance.samples.pieces
+    noise = fit.noise
     before, after = (balance.residual(x.axis, noise) for x in (without, fit))
     judging = judged(balance, fit.axis)
     usable = balance.train | judging
@@ -92,16 +108,27 @@ def agreement_on(balance: TorqueBalance, fit: Fit, without: Fit, item: Instance)
 
     change, base = white(before - after), white(before)
     known = white(driven_part(noise, before - after)) if item.term.inertia_over is not None else change
-    size, power = np.bincount(pieces, known * change), np.bincount(pieces, known**2)
-    together = np.bincount(pieces, known * base)
-    level = noise.samples.effective_count / max(len(noise.samples.rows), 1)  # independent samples in one
-    seen = size * level > 0.0
-    multiples, variances = together[seen] / size[seen], power[seen] / (size[seen] ** 2 * level)
-    mean, deviation = random_effects(multiples, variances)
+    mean, deviation, acting = random_effects(*multiples(balance.samples.pieces, judging, change, known, base))
     floor = noise_floor(balance, after)
     share = _share_that_it_could_be(balance, fit.axis, item, after, floor)
-    explained = min(_explained(balance, before, after, where, share, floor) for where in (judging, usable))
-    return Agreement(mean, deviation, int(seen.sum()), explained)
+    of_torque = [_explained(balance, before, after, where, share, floor) for where in (judging, usable)]
+    return min((Agreement(mean, deviation, acting, *one) for one in of_torque), key=lambda one: one.explained)
+
+
+def multiples(
+    pieces: np.ndarray, held_out: np.ndarray, change: np.ndarray, known: np.ndarray, base: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, NDArray[np.bool_]]:
+    """Multiples of an effect in the pieces that have it (p,), their variances by white noise, and which pieces were held out.
+
+    Of samples (n,): number of the piece, whether it was held out, whitened residual without the effect, the change that it makes
+    of it and the part of that which is known apart from the residual's noise; zero where nothing is compared. Where the band ends
+    below half the rate, whitened noise still has a power of one at all frequencies that a change has.
+    """
+    count = int(pieces.max()) + 1
+    parts = pieces + count * held_out
+    size, power, together = (np.bincount(parts, known * x, 2 * count) for x in (change, known, base))
+    seen = size > 0.0
+    return together[seen] / size[seen], power[seen] / size[seen] ** 2, np.flatnonzero(seen) >= count
 
 
 def _share_that_it_could_be(
@@ -171,28 +198,34 @@ def untimed(balance: TorqueBalance, axis: Axis) -> list[tuple[Instance, float, f
     return found
 
 
-def random_effects(values: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
-    """Mean of values (p,) that scatter by more than their variances (p,), and its standard error.
+def random_effects(
+    values: np.ndarray, variances: np.ndarray, counted: NDArray[np.bool_] | None = None
+) -> tuple[float, float, float]:
+    """Mean of the counted of values (p,) that scatter by more than their variances (p,), its standard error, and of how many.
 
+    counted (p,): which have a say in the mean; None: all. All have one in the scatter, as far as they are known (Kish 1965).
     DerSimonian and Laird (1986), Hartung and Knapp (2001); the standard error is never below that of the noise alone.
     """
-    if len(values) < FEWEST_PIECES:
-        return (float(np.mean(values)) if len(values) else 0.0), math.inf
+    counted = np.ones(len(values), bool) if counted is None else counted
+    if len(values) < 2 or not counted.any():
+        return (float(np.mean(values)) if len(values) else 0.0), math.inf, float(len(values))
     weights = 1.0 / variances
     fixed = float(weights @ values / weights.sum())
     excess = float(weights @ (values - fixed) ** 2) - (len(values) - 1)
     scale = float(weights.sum() - (weights @ weights) / weights.sum())
     between = max(excess / scale, 0.0) if scale > 0.0 else 0.0
     weights = 1.0 / (variances + between)
-    mean = float(weights @ values / weights.sum())
-    scatter = float(weights @ (values - mean) ** 2) / (len(values) - 1)
-    return mean, math.sqrt(max(scatter, 1.0) / float(weights.sum()))
+    common = float(weights @ values / weights.sum())
+    scatter = float(weights @ (values - common) ** 2) / (len(values) - 1)
+    say = weights[counted]
+    known = float(weights.sum() ** 2 / (weights @ weights))
+    return float(say @ values[counted] / say.sum()), math.sqrt(max(scatter, 1.0) / float(say.sum())), known
 
 
 def _explained(
     balance: TorqueBalance, before: np.ndarray, after: np.ndarray, where: np.ndarray, share: float, floor: float
-) -> float:
-    """Share that is gone of the power beyond noise, from residuals (n,) at some samples, `where` (n,).
+) -> tuple[float, float]:
+    """Torque that is gone and that is left beyond noise, N m rms, from residuals (n,) at some samples, `where` (n,).
 
     What noise alone has in so few samples by chance is not left. share: of what is left, that the effect could be a part of.
     floor: of the noise in what is left, N m rms.
@@ -201,4 +234,4 @@ def _explained(
     independent = np.count_nonzero(where) * min(1.0, 2.0 * balance.data.cutoff * balance.data.dt)
     by_chance = BY_CHANCE * math.sqrt(2.0 / independent)  # a chi-squared over its mean
     left = max(share * (rms(after[where]) ** 2 - (1.0 + FLOOR_ERROR + by_chance) * floor**2), LEAST_LEFT * floor**2)
-    return gone / (gone + left)
+    return math.sqrt(gone), math.sqrt(left)

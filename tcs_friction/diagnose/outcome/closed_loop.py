@@ -94,7 +94,7 @@ def closed_loop(data: DataSet, file: AxisFile, horizon: float) -> ClosedLoop | N
 def _followed(s: Stretch, names: tuple[str, ...], control: Control, believed: Axis, axis: Axis) -> LoopRun:
     """The loop on the reference of a stretch, in its temperature and with its signals."""
     reference = _Recorded(s)
-    quiet = replace(axis, sensors=replace(axis.sensors, noise=0.0), drive=replace(axis.drive, noise=0.0))
+    quiet = replace(axis, sensors=replace(axis.sensors, noise=0.0), drive=replace(axis.drive, noise=0.0), lateness=0.0)
     at = ticks(reference, control.loop) + s.t[0]
     signals = {name: np.interp(at, s.t, values) for name, values in zip(names, s.signals[1:], strict=True)}
     return simulate_loop(

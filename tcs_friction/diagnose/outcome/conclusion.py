@@ -7,16 +7,19 @@ In: the axis file and an `Explanation`: the retuned fit, the improved one, the s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from tcs_friction.conditioning.hold import Between
+from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.dataset.coordinates import unit_of
-from tcs_friction.diagnose.dataset.excitation import limits, passed_once
+from tcs_friction.diagnose.dataset.excitation import barred, lacking, limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, noise_floor
 from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, untimed
@@ -25,30 +28,37 @@ from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
 from tcs_friction.diagnose.outcome.explanation import Explanation
 from tcs_friction.diagnose.outcome.free_run import (
-    moves_worse,
     telling_horizon,
-    typical,
     usable_horizon,
     window_errors,
 )
 from tcs_friction.diagnose.outcome.friction_speed import friction_by_speed
+from tcs_friction.diagnose.outcome.headline import headline
+from tcs_friction.diagnose.outcome.moved import Moved, refused_by_motion
+from tcs_friction.diagnose.outcome.parameter_table import parameter_table
 from tcs_friction.diagnose.outcome.plots import evidence_of
 from tcs_friction.diagnose.outcome.proof import found_effects
 from tcs_friction.diagnose.outcome.result import Diagnosis, Errors, Found, Unexplained, Verdict
 from tcs_friction.diagnose.outcome.statement import statement
+from tcs_friction.diagnose.outcome.visible import visible
+from tcs_friction.diagnose.outcome.written import named_only, seen, with_described
+from tcs_friction.diagnose.rules import Refusal
+from tcs_friction.diagnose.search.late_log import torque_acts
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance
 
 WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one, from which parameters are called wrong
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
+TOLERANCE = 1e-3  # of the friction: to which the best recordings tell its parameters; less than that nobody compensates
 FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from which a residual cannot be theirs
 
 
-def conclude(balance: TorqueBalance, file: AxisFile, explanation: Explanation) -> Diagnosis:
-    """The diagnosis; the first place that looks at held-out data."""
-    return _Conclusion(balance, file, _without_a_map_that_predicts_worse(balance, explanation)).diagnosis()
+def conclude(
+    balance: TorqueBalance, file: AxisFile, explanation: Explanation, tolerance: float = TOLERANCE
+) -> Diagnosis:
+    """The diagnosis; the first place that looks at held-out data. tolerance: share of the friction that may remain."""
+    return _Conclusion(balance, file, _without_a_map_that_predicts_worse(balance, explanation), tolerance).diagnosis()
 
 
 def _without_a_map_that_predicts_worse(balance: TorqueBalance, explanation: Explanation) -> Explanation:
@@ -61,45 +71,17 @@ def _without_a_map_that_predicts_worse(balance: TorqueBalance, explanation: Expl
 
 
 @dataclass(frozen=True)
-class _Moved:
-    """Errors (w,) in windows of a simulation in motion: by name of an axis, and of any other axis."""
-
-    of_axis: Callable[[Axis], np.ndarray]
-    errors: Mapping[str, np.ndarray]
-
-    @classmethod
-    def of(cls, of_axis: Callable[[Axis], np.ndarray], axes: Mapping[str, Axis]) -> _Moved:
-        return cls(of_axis, {name: of_axis(axis) for name, axis in axes.items()})
-
-    @property
-    def improved_is_worse(self) -> bool:
-        """Whether the improved axis moves worse than the retuned one."""
-        return moves_worse(self.errors["improved"], self.errors["retuned"])
-
-    @property
-    def believed_is_best(self) -> bool:
-        """Whether the retuned and the improved axis both move worse than the believed one."""
-        return all(moves_worse(self.errors[name], self.errors["believed"]) for name in ("retuned", "improved"))
-
-    def typical(self) -> dict[str, float]:
-        """The typical error of each axis by name."""
-        return {name: typical(windows) for name, windows in self.errors.items()}
-
-    def worse(self, axis: Axis) -> bool:
-        """Whether an axis moves worse than the retuned one."""
-        return moves_worse(self.of_axis(axis), self.errors["retuned"])
-
-
-@dataclass(frozen=True)
 class _Conclusion:
     """What the parts of a result are made from."""
 
     balance: TorqueBalance
     file: AxisFile
     explanation: Explanation
+    tolerance: float = TOLERANCE
 
     def diagnosis(self) -> Diagnosis:
         fit, data, believed = self.explanation.improved, self.balance.data, self.file.axis
+        timing = torque_acts(data, fit)
         axes = {"believed": believed, "retuned": self.explanation.retuned.axis, "improved": fit.axis}
         residuals = {name: self._residual(axis) for name, axis in axes.items()}
         errors = {name: self._errors(residual) for name, residual in residuals.items()}
@@ -107,23 +89,24 @@ class _Conclusion:
         floor = noise_floor(self.balance, residuals["improved"])
         every = found_effects(self.balance, self.explanation, believed, floor)
         horizon = telling_horizon(data, axes["improved"], axes["retuned"])
-        free, loop = _Moved.of(partial(window_errors, data, horizon=horizon), axes), self._followed(axes)
-        worse_in_all = self._effects_predict_worse()
-        established = tuple(one for one in every if one.established and not worse_in_all)
-        worse = self._with_which_it_moves_worse(established, [free, *([loop] if loop else [])])
-        found = tuple(one for one in established if one not in worse)
-        described = tuple(one for one in every if one not in found)
-        unexplained = self._unexplained(errors, floor, described)
+        free, loop = Moved.of(partial(window_errors, data, horizon=horizon), axes), self._followed(axes)
+        every = tuple(one.unless(self._effects_predict_worse()) for one in every)
+        every = refused_by_motion(every, [free, *([loop] if loop else [])], self.explanation, unit_of("position", believed))
+        worse = tuple(one for one in every if any(refusal.rule in (rules.MOVES, rules.BELIEVED_BEST) for refusal in one.refused))
+        found = tuple(one for one in every if one.established)
+        described = tuple(one for one in every if not one.established)
+        unexplained = self._worth_it(self._unexplained(errors, floor, described))
         constant = self._left_by_a_constant(errors)
         if not (found or unexplained.present) and (constant is not None or _retuning_fails(errors, floor)):
             left = math.sqrt(max(errors["believed"].held_out ** 2 - floor**2, 0.0))
             unexplained = Unexplained(True, left, {"coordinates": ["time"]})
+        written, complete = (of(self.balance, self.explanation, every, believed) for of in (named_only, with_described))
         runs = free.typical()
         moves_better = runs["improved"] <= runs["retuned"] and not (loop and loop.improved_is_worse)
         verdict = self._verdict(errors, unexplained, found, moves_better)
-        late = fit.axis.actuation_delay - believed.actuation_delay if _is_worse(errors["believed"], errors) else 0.0
+        late = fit.axis.lateness if _is_worse(errors["believed"], errors) else 0.0
         added = [item for item in fit.axis.effects if not item.term.tabulated]
-        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed())
+        lines = (*limits(data, believed), *passed_once(data, added), *self._untimed(), *self._early_log(found))
         if constant is not None:
             unit = unit_of("torque", believed)
             lines += (f"anything, since a constant torque leaves only {constant:.3g} {unit}: inertia or units may be wrong",)
@@ -131,6 +114,7 @@ class _Conclusion:
         mapped = any(item.term.tabulated for item in fit.axis.effects)
         return Diagnosis(
             verdict=verdict,
+            headline=headline(verdict, found, unexplained, law),
             statement=statement(
                 verdict, found, unexplained, errors, floor, lines, unit_of("torque", believed), mapped, late, law, worse
             ),
@@ -147,7 +131,14 @@ class _Conclusion:
             atlas=tuple(_atlas_mapping(entry) for entry in located),
             next_experiment=self._experiment(found, floor),
             limits=lines,
-            axis_file=self.file.with_axis(fit.axis),
+            timing=timing,
+            refused=self.explanation.refused,
+            axis_file=_with_timing(self.file.with_axis(_in_step(written.axis)), timing),
+            complete_file=_with_timing(self.file.with_axis(_in_step(complete.axis)), timing),
+            written=self._errors(self._residual(written.axis)),
+            seen=seen(data, believed),
+            parameters=parameter_table(believed, self.explanation.retuned, fit),
+            visible=visible(self.balance, fit, barred(lacking(data, believed)), self.tolerance),
             evidence=evidence_of(
                 self.balance,
                 fit,
@@ -158,38 +149,26 @@ class _Conclusion:
                 self._notes(),
                 self.explanation.lacks,
                 friction_by_speed(self.balance, fit, axes),
+                frozenset(one.instance.identity for one in found),
             ),
         )
 
-    def _effects_predict_worse(self) -> bool:
-        """Whether the held-out residual is larger with all effects than without any, by more than a floor is known to."""
-        retuned, improved = (self._errors(self._residual(x.axis)) for x in (self.explanation.retuned, self.explanation.unmapped))
-        return improved.held_out > (1.0 + FLOOR_ERROR) * retuned.held_out
+    def _effects_predict_worse(self) -> Refusal | None:
+        """Where the held-out residual is larger with all effects than without any, by more than a floor is known to."""
+        retuned, improved = (
+            self._errors(self._residual(x.axis)).held_out for x in (self.explanation.retuned, self.explanation.unmapped)
+        )
+        if improved <= (1.0 + FLOOR_ERROR) * retuned or not rules.ALL_PREDICT.asked:
+            return None
+        unit = unit_of("torque", self.file.axis)
+        words = f"all effects together predict held-out data worse than none: {improved:.2g} {unit} against {retuned:.2g}"
+        return Refusal(rules.ALL_PREDICT, words, {"with": improved, "without": retuned})
 
-    def _followed(self, axes: Mapping[str, Axis]) -> _Moved | None:
+    def _followed(self, axes: Mapping[str, Axis]) -> Moved | None:
         """How the axes move in the closed loop; None without one, or where none of them predicts what was recorded of it."""
         loop = closed_loop(self.balance.data, self.file, usable_horizon(self.balance.data))
-        followed = _Moved.of(loop.errors, axes) if loop is not None else None
+        followed = Moved.of(loop.errors, axes) if loop is not None else None
         return followed if loop and followed and any(map(loop.predicts, followed.errors.values())) else None
-
-    def _with_which_it_moves_worse(self, found: Sequence[Found], proofs: Sequence[_Moved]) -> tuple[Found, ...]:
-        """Of the effects found those with which a simulation moves worse than the retuned axis, and without which it does not.
-
-        Where it moves worse collisions are always among them: none comes at its exact time, and the torque that they leave counts
-        as their own, so that only a better motion proves them. Where the believed axis moves best all of them are: beside numbers
-        that were led astray nothing is proven.
-        """
-        if any(proof.believed_is_best for proof in proofs):
-            return tuple(found)
-        explanation = self.explanation
-        worse = [proof for proof in proofs if found and proof.improved_is_worse]
-        if explanation.unmapped is not explanation.improved:  # otherwise it may be the map that moves worse
-            worse = [proof for proof in worse if proof.worse(explanation.unmapped.axis)]
-
-        def at_fault(item: Instance) -> bool:
-            return item.term.collides or any(not proof.worse(explanation.without(item).axis) for proof in worse)
-
-        return tuple(one for one in found if worse and at_fault(one.instance))
 
     def _left_by_a_constant(self, errors: Mapping[str, Errors]) -> float | None:
         """What a constant torque leaves of the logged one in held-out data, where every axis leaves far more; else None."""
@@ -203,18 +182,28 @@ class _Conclusion:
     def _errors(self, residual: np.ndarray) -> Errors:
         """Rms on train and on held-out data; on train data twice where none are held out."""
         held = judged(self.balance, self.explanation.improved.axis)
-        return Errors(rms(residual[self.balance.train]), rms(residual[held]))
+        spread = float(np.std(self.balance.data.joined("torque")[held])) if held.any() else 0.0
+        left = rms(residual[held])
+        return Errors(rms(residual[self.balance.train]), left, 100.0 * (1.0 - left / spread) if spread > 0.0 else None)
 
     def _notes(self) -> tuple[str, ...]:
         fits = {"retuned": self.explanation.retuned, "improved": self.explanation.improved}
         unfinished = [name for name, fit in fits.items() if fit.outcome is Outcome.BUDGET_SPENT]
         lines = (f"the fit of the {name} model was still gaining when its last step was taken" for name in unfinished)
-        return (*self.balance.data.notes, *lines)
+        timing = torque_acts(self.balance.data, self.explanation.improved)
+        return (*self.balance.data.notes, *dict.fromkeys(one.words for one in timing), *lines)
 
     def _untimed(self) -> tuple[str, ...]:
         """One line for each event that begins where no data were fitted."""
         found = untimed(self.balance, self.explanation.improved.axis)
         return tuple(f"when the {item.term.words} began: data from {a:.4g} to {b:.4g} s were not fitted" for item, a, b in found)
+
+    def _early_log(self, found: Sequence[Found]) -> tuple[str, ...]:
+        """One line where a delay is named and nobody states when the logged torque acts."""
+        delays = [one.instance.values[one.instance.term.alignment] for one in found if one.instance.term.alignment]
+        if not delays or all(timing.stated for timing in self.balance.data.timings):
+            return ()
+        return (f"whether the torque is {1e3 * delays[0]:.3g} ms late or stamped as much too early, which look alike",)
 
     def _verdict(
         self,
@@ -236,13 +225,21 @@ class _Conclusion:
             return Verdict.UNEXPLAINED
         if found:
             return Verdict.MISSING_PHYSICS if moves_better else Verdict.UNEXPLAINED
-        aligned = replace(self.file.axis, actuation_delay=fit.axis.actuation_delay)
+        aligned = self._as_timed(fit.axis.lateness)
         if fit.axis.friction.term is not self.file.axis.friction.term:
             left = self._errors(self._residual(aligned)).train
             return Verdict.PARAMETERS if left > WRONG_PARAMETERS * errors["improved"].train else Verdict.MATCH
         gain = (self.balance.squares(aligned, fit.noise) - fit.squares) / fit.squares.dispersion
         worse = _is_worse(self._errors(self._residual(aligned)), errors)
         return Verdict.PARAMETERS if gain > chance(len(fit.free)) and worse else Verdict.MATCH
+
+    def _as_timed(self, late: float) -> Axis:
+        """The believed axis with the torque so much later, s, or as it stands, whichever leaves less.
+
+        A recording that does not tell the timing may have it anywhere, and what that leaves is no fault of the parameters.
+        """
+        axes = (self.file.axis, replace(self.file.axis, lateness=late))
+        return min(axes, key=lambda axis: self._errors(self._residual(axis)).train)
 
     def _unexplained(self, errors: Mapping[str, Errors], floor: float, described: Sequence[Found]) -> Unexplained:
         """Structure that remains; where none is found, a residual far above the noise is structure in time.
@@ -257,6 +254,12 @@ class _Conclusion:
         torque = math.hypot(left.torque_rms, missed)
         largest = dict(described[0].where)
         return Unexplained(True, torque, {**largest, "coordinates": [largest["coordinate"]]})
+
+    def _worth_it(self, left: Unexplained) -> Unexplained:
+        """What remains; where it is within the tolerance it is there, and no verdict."""
+        fit = self.explanation.improved
+        friction = rms(self.balance.terms.friction(fit.axis)[self.balance.train])
+        return replace(left, present=False) if left.torque_rms < self.tolerance * friction else left
 
     def _structure(self, errors: Mapping[str, Errors], floor: float) -> Unexplained:
         """What is left when everything found is taken away, in the data that were fitted or in those held out.
@@ -291,6 +294,21 @@ class _Conclusion:
                 if experiment is not None:
                     return experiment
         return None
+
+
+def _in_step(axis: Axis) -> Axis:
+    """The axis of a fit without what is the log's."""
+    return replace(axis, lateness=0.0) if axis.lateness else axis
+
+
+def _with_timing(file: AxisFile, timing: Sequence[TorqueActs]) -> AxisFile:
+    """The file with when the logged torque acts, where it is held, that was found, and it is the same in all recordings."""
+    held = [one for one in timing if one.determined and one.timing.between is Between.HELD]
+    found = {one.acts for one in held if not one.timing.stated}
+    if len(found) != 1 or file.signals is None or len(held) < len(timing):
+        return file
+    torque = replace(file.signals.torque, acts=round(found.pop(), 9))
+    return replace(file, signals=replace(file.signals, torque=torque))
 
 
 def _is_worse(one: Errors, errors: Mapping[str, Errors]) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.remainder.maps import Structure
+from tcs_friction.diagnose.rules import Refusal, Refused
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.laws import Lack
 from tcs_friction.diagnose.search.rivals import Contest
@@ -18,7 +19,7 @@ class Explanation:
 
     retuned: fit of what the model has alone. unmapped: fit with the effects. improved: fit with effects and map. structure: what
     the effects leave, or what a map stands for. rounds: candidates of each round. contests: of every effect found. lacks: of the
-    believed friction law.
+    believed friction law. dropped: effects that were found and are not among them.
     """
 
     retuned: Fit
@@ -28,6 +29,18 @@ class Explanation:
     rounds: tuple[tuple[Candidate, ...], ...] = ()
     contests: tuple[Contest, ...] = ()
     lacks: tuple[Lack, ...] = ()
+    dropped: tuple[Refused, ...] = ()
+
+    @property
+    def refused(self) -> tuple[Refused, ...]:
+        """Effects that were dropped, then those that gained more than chance in the last round, were they what they say."""
+        found = {one.effect: one for one in self.dropped}
+        for candidate in self.rounds[-1] if self.rounds else ():
+            why, words = candidate.doubt, " and ".join(kind.words for kind in candidate.kinds)
+            if why is not None and candidate.doubted > candidate.threshold and words not in found:
+                numbers = {"gain": candidate.doubted, "by_chance": candidate.threshold}
+                found[words] = Refused(words, Refusal(why.value, f"it would gain {candidate.doubted:.3g}", numbers))
+        return tuple(found.values())
 
     def contest(self, item: Instance) -> Contest | None:
         """The contest of an effect, None if there was none."""

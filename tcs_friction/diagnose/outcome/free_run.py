@@ -8,6 +8,7 @@ second body) are those that the measured motion up to there has left in them.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numba import njit
 from scipy import stats
 
 from tcs_friction.conditioning.data_set import DataSet, Stretch
+from tcs_friction.conditioning.filters import through
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
@@ -28,9 +30,11 @@ from tcs_friction.physics.machine import (
     TRUE_VELOCITY,
     Machine,
     advance,
+    arrest_per_speed,
     call_term,
     torques,
 )
+from tcs_friction.physics.registry import alignment
 from tcs_friction.physics.terms import (
     ACCELERATION,
     ARREST,
@@ -98,13 +102,29 @@ def typical(errors: np.ndarray) -> float:
 def moves_worse(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether a model's errors (w,) are larger than another's in the same windows by more than chance.
 
-    Student's t of the logarithms of their ratios; of fewer than three windows nothing is said.
+    Student's t of the logarithms of their ratios, of as many as are independent; of fewer than three windows nothing is said.
     """
     ratios = np.log(np.maximum(one, TINY) / np.maximum(other, TINY))
     if len(ratios) < FEWEST_WINDOWS:
         return False
-    scatter = max(float(ratios.std(ddof=1)) / math.sqrt(len(ratios)), TINY)
-    return bool(stats.t.sf(float(ratios.mean()) / scatter, len(ratios) - 1) < BY_CHANCE)
+    count = independent(ratios)
+    scatter = max(float(ratios.std(ddof=1)) / math.sqrt(count), TINY)
+    return bool(stats.t.sf(float(ratios.mean()) / scatter, count - 1.0) < BY_CHANCE)
+
+
+def independent(series: np.ndarray) -> float:
+    """How many independent values have as sure a mean as a series (n,) of values that resemble their neighbours; 2 at least.
+
+    n / (1 + 2 sum of autocorrelations), summed in pairs while these are positive (Geyer 1992, initial positive sequence).
+    """
+    away, n = series - series.mean(), len(series)
+    power = float(away @ away)
+    if power <= 0.0:
+        return float(n)
+    correlation = np.correlate(away, away, "full")[n - 1 :] / power
+    pairs = correlation[: n // 2 * 2].reshape(-1, 2).sum(axis=1)
+    positive = pairs[: int(np.argmin(pairs > 0.0))] if (pairs <= 0.0).any() else pairs
+    return min(max(n / max(2.0 * float(positive.sum()) - 1.0, 1.0), 2.0), float(n))
 
 
 def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.ndarray:
@@ -122,7 +142,8 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
     if pieces > MOST_PIECES:
         return np.full(sum(map(len, starts)), travel)
-    resolution = data.speed_resolution
+    resolution, late = data.speed_resolution, axis.lateness
+    axis = replace(axis, lateness=0.0)
     found: list[np.ndarray] = []
     for s, begins in zip(data.stretches, starts, strict=True):
         if not len(begins):
@@ -135,7 +156,7 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
             s.position,
             s.velocity,
             s.acceleration,
-            s.torque,
+            acting_torque(s.torque, step, late),
             s.signals,
             resolution,
             pieces,
@@ -145,6 +166,15 @@ def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.nda
         )
         found.append(np.sqrt(np.mean(errors**2, axis=1)))
     return np.concatenate([np.zeros(0), *found])
+
+
+def acting_torque(torque: np.ndarray, step: float, late: float) -> np.ndarray:
+    """A logged torque (n,), `step` s apart, when it acts: so much later, s; a negative time is no extrapolation but a filter."""
+    response = alignment().transfer
+    if late == 0.0 or response is None:
+        return torque
+    at = {alignment().alignment: late}
+    return torque + through(torque - torque[0], step, lambda frequency: response(at, 2j * np.pi * frequency))
 
 
 def held_out_windows(data: DataSet, length: int) -> list[np.ndarray]:
@@ -203,7 +233,7 @@ def _walk(
     body on a stiff contact is a torque.
     """
     motion, dt = m.motion, m.constants[machine.STEP]
-    level = m.parameters[m.parameter_ends[m.ends[1]]]  # the law's first parameter
+    slope = arrest_per_speed(m, resolution)
     window, before, opposing = 0, 0.0, 0.0
     last = begins[-1]
     for i in range(last + 1):
@@ -224,7 +254,7 @@ def _walk(
             motion[VELOCITY] = v
             motion[ACCELERATION] = acceleration[k] + part * (acceleration[i] - acceleration[k])
             motion[INERTIA] = m.constants[MASS]
-            motion[ARREST] = level * v / resolution
+            motion[ARREST] = slope * v
             for s in range(signals.shape[0]):
                 change = signals[s, i] - signals[s, k]
                 set_surroundings(motion, s, signals[s, k] + part * change, change / (pieces * dt))

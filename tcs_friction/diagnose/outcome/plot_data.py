@@ -30,6 +30,7 @@ class Isolated:
     """One effect by itself over x (n,): what is left (n,) when all the rest is taken away, the fit (n,).
 
     Both as the torque that the effect demands: a spring's rises with the position. `title` tells it from others of its kind.
+    named: not only described, nor believed all along.
     """
 
     effect: str
@@ -39,6 +40,7 @@ class Isolated:
     x: Array
     residual: Array
     fitted: Array
+    named: bool = True
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,11 @@ def evidence_of(
     notes: tuple[str, ...],
     lacks: Sequence[Lack] = (),
     friction: TorqueBySpeed | None = None,
+    named: Collection[int] = frozenset(),
 ) -> Evidence:
     """Evidence for the improved axis of a fit: residuals (n,) believed, retuned and improved, the atlas of the retuned one.
 
-    lacks: of the believed friction law. friction: against speed.
+    lacks: of the believed friction law. friction: against speed. named: identities of effects that are.
     """
     axis = fit.axis
     t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | balance.held_out)  # without the ends of stretches
@@ -61,7 +63,10 @@ def evidence_of(
         improved=residuals["improved"][peaks],
         held_out=balance.held_out[peaks],
         atlas=tuple(curves),
-        isolated=tuple(_isolated(balance.data, axis, item, x, residuals["improved"], thin) for item, x in left),
+        isolated=tuple(
+            replace(_isolated(balance.data, axis, item, x, residuals["improved"], thin), named=item.identity in named)
+            for item, x in left
+        ),
         learned=_map(balance.data, axis),
         runners_up=_runners_up(rounds, contests, axis),
         torque_unit=unit_of("torque", axis),
@@ -123,7 +128,7 @@ def _runners_up(
 
 def _words(kinds: Sequence[Kind]) -> str:
     """Effects with the signals they act through."""
-    return " and ".join(kind.effect + (f" from {kind.signal}" if kind.signal else "") for kind in kinds)
+    return " and ".join(kind.words for kind in kinds)
 
 
 def where(item: Instance, axis: Axis) -> dict[str, Any]:

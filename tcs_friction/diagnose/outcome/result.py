@@ -5,12 +5,15 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from tcs_friction.conditioning.timing import TorqueActs
 from tcs_friction.config import AxisFile
 from tcs_friction.diagnose.outcome.agreement import Agreement
 from tcs_friction.diagnose.outcome.plot_data import Evidence
+from tcs_friction.diagnose.outcome.visible import Visible
+from tcs_friction.diagnose.rules import Refusal, Refused
 from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Instance
 
@@ -33,7 +36,7 @@ class Found:
     equivalent: kinds of effects that these data cannot tell from it, best first. parameters: name -> value, std, unit.
     torque_rms: of the effect over the recording, N m. before, after: held-out rms of the torque residual without and with it,
     the rest refitted. delta_bic: negative is better. agreement: of independent pieces of the data about it.
-    established: whether it is named; what is not is described.
+    refused: by which rules it is not named, but described.
     """
 
     instance: Instance
@@ -46,7 +49,16 @@ class Found:
     after: float
     delta_bic: float
     agreement: Agreement
-    established: bool
+    refused: tuple[Refusal, ...] = ()
+
+    @property
+    def established(self) -> bool:
+        """Whether it is named; what is not is described."""
+        return not self.refused
+
+    def unless(self, refusal: Refusal | None) -> Found:
+        """The same, or with one more refusal of its name."""
+        return self if refusal is None else replace(self, refused=(*self.refused, refusal))
 
     @property
     def effect(self) -> str:
@@ -78,8 +90,11 @@ class Found:
                 "std": self.agreement.deviation if math.isfinite(self.agreement.deviation) else None,
                 "pieces": self.agreement.pieces,
                 "explained": self.agreement.explained,
+                "left": self.agreement.left,
             },
         }
+        if self.refused:
+            content["refused"] = [refusal.to_mapping() for refusal in self.refused]
         if self.instance.signal is not None:
             content["signal"] = self.instance.signal
         through = {kind.effect: kind.signal for kind in reversed(self.equivalent) if kind.signal is not None}
@@ -98,18 +113,79 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What the recordings showed of an axis, beyond which nothing was told: ranges, largest speed and torque, and their units.
+
+    temperature: degC; None where it was not recorded.
+    """
+
+    position: tuple[float, float]
+    speed: float
+    torque: float
+    temperature: tuple[float, float] | None
+    units: tuple[str, str, str]
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        temperature = None if self.temperature is None else list(self.temperature)
+        return {"position": list(self.position), "speed": self.speed, "torque": self.torque, "temperature": temperature}
+
+    @property
+    def words(self) -> str:
+        """One line for the axis file."""
+        position, speed, torque = self.units
+        line = f"position {self.position[0]:.4g} to {self.position[1]:.4g} {position}, speed up to {self.speed:.4g} {speed}"
+        line += f", torque up to {self.torque:.4g} {torque}"
+        if self.temperature is not None:
+            line += f", {self.temperature[0]:.3g} to {self.temperature[1]:.3g} degC"
+        return f"Told from {line}; beyond that nothing here is."
+
+
+@dataclass(frozen=True)
 class Errors:
-    """Train and held-out rms of a torque residual, N m."""
+    """Train and held-out rms of a torque residual, N m. fit: of the held-out torque that is met, 1 less NRMSE; per cent."""
 
     train: float
     held_out: float
+    fit: float | None = None
+
+    def to_mapping(self) -> dict[str, float | None]:
+        """As diagnosis.json has it."""
+        return {"train": self.train, "held_out": self.held_out, "fit_percent": self.fit}
+
+
+@dataclass(frozen=True)
+class Told:
+    """One parameter as believed, retuned and beside what was found: values with standard deviations; None where there is none."""
+
+    name: str
+    unit: str
+    believed: float | None
+    retuned: tuple[float, float | None] | None
+    improved: tuple[float, float | None] | None
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+
+        def entry(one: tuple[float, float | None] | None) -> dict[str, float | None] | None:
+            return None if one is None else {"value": one[0], "std": one[1]}
+
+        values = {"believed": self.believed, "retuned": entry(self.retuned), "improved": entry(self.improved)}
+        return {"name": self.name, "unit": self.unit, **values}
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a diagnosis found. `axis_file` is the improved axis, ready to simulate; `evidence` draws the report."""
+    """What a diagnosis found.
+
+    headline: one short sentence; statement: with the details. effects: named ones. described: those that a rule refused. refused:
+    effects that a rule kept out of the fit. timing: when the torque of each recording acts. axis_file: the improved axis, with
+    what is named, ready to simulate; written: what it leaves. complete_file: the same with what is described, too. seen: what
+    the recordings showed. visible: what could have been found in them. evidence: draws the report.
+    """
 
     verdict: Verdict
+    headline: str
     statement: str
     effects: tuple[Found, ...]
     described: tuple[Found, ...]
@@ -124,7 +200,14 @@ class Diagnosis:
     atlas: tuple[Mapping[str, Any], ...]
     next_experiment: Mapping[str, Any] | None
     limits: tuple[str, ...]
+    timing: tuple[TorqueActs, ...]
+    refused: tuple[Refused, ...]
     axis_file: AxisFile
+    complete_file: AxisFile
+    written: Errors
+    seen: Seen
+    visible: Visible
+    parameters: tuple[Told, ...]
     evidence: Evidence
 
     def to_mapping(self) -> dict[str, Any]:
@@ -132,10 +215,12 @@ class Diagnosis:
         fit: dict[str, Any] = {"noise_floor": self.noise_floor}
         for name in ("believed", "retuned", "improved"):
             errors: Errors = getattr(self, name)
-            fit[name] = {"train": errors.train, "held_out": errors.held_out}
+            fit[name] = errors.to_mapping()
+        fit["written"] = self.written.to_mapping()
         return {
             "schema": SCHEMA,
             "verdict": str(self.verdict),
+            "headline": self.headline,
             "statement": self.statement,
             "effects": [found.to_mapping() for found in self.effects],
             "unexplained": {
@@ -149,5 +234,10 @@ class Diagnosis:
             "atlas": [dict(entry) for entry in self.atlas],
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "described": [found.to_mapping() for found in self.described],
+            "refused": [one.to_mapping() for one in self.refused],
             "limits": list(self.limits),
+            "timing": [one.to_mapping() for one in self.timing],
+            "seen": self.seen.to_mapping(),
+            "parameters": [one.to_mapping() for one in self.parameters],
+            "asked": self.visible.to_mapping(),
         }

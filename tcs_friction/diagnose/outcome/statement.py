@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tcs_friction.diagnose.outcome.result import Errors, Found, Unexplained
-from tcs_friction.diagnose.search.start import Kind
 from tcs_friction.physics.terms import Role
 
 SPOKEN = 3  # effects with their numbers in the sentence; the table has them all
@@ -93,11 +92,6 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
-def _kind_words(kind: Kind) -> str:
-    """An effect's name in words, with the signal it acts through."""
-    return kind.effect + (f" from {kind.signal}" if kind.signal else "")
-
-
 def _phrase(found: Found, unit: str) -> str:
     """An effect with its most telling numbers."""
     parts = []
@@ -107,6 +101,7 @@ def _phrase(found: Found, unit: str) -> str:
             continue
         parts.append(f"{parameter.name} {entry['value']:.4g} {entry['unit']}".rstrip())
     numbers = f" ({', '.join(parts[:3])}; {found.torque_rms:.3g} {unit} rms)"
-    doubt = f", which this data cannot tell from {' or '.join(map(_kind_words, found.equivalent))}" if found.equivalent else ""
+    others = " or ".join(kind.words for kind in found.equivalent)
+    doubt = f", which this data cannot tell from {others}" if others else ""
     signal = f" from {found.instance.signal}" if found.instance.signal else ""
     return found.instance.term.words + signal + numbers + doubt

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.noise_estimate import misfit, with_spectrum
@@ -55,7 +56,8 @@ class Remainder:
 def remainder_of(balance: TorqueBalance, retuned: Fit, fit: Fit) -> Remainder:
     """What a fit with effects leaves in the train data."""
     structure = remaining_structure(balance, fit, fit.noise)
-    return Remainder(fit, structure, _map_instead(balance, retuned, fit, structure))
+    instead = _map_instead(balance, retuned, fit, structure) if rules.MAP_INSTEAD.asked else None
+    return Remainder(fit, structure, instead)
 
 
 def _map_instead(

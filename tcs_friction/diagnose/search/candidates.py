@@ -20,7 +20,7 @@ from tcs_friction.diagnose.fit.joint_fit import Fit, fit_jointly, taken_out
 from tcs_friction.diagnose.fit.second_body import motion_gain
 from tcs_friction.diagnose.fit.torque import SLOW_PERIODS
 from tcs_friction.diagnose.parallel import side_by_side
-from tcs_friction.diagnose.search.plausibility import doubt
+from tcs_friction.diagnose.search.plausibility import Doubt, doubt
 from tcs_friction.diagnose.search.projection import ProjectedResidual
 from tcs_friction.diagnose.search.significance import chance, feeds_on_noise, threshold
 from tcs_friction.diagnose.search.start import Kind, Start, follows_load, gain_by_load_from_motion, kind_of
@@ -43,12 +43,15 @@ class Candidate:
     """An effect, or two, after a joint fit.
 
     gain: drop of squares in units of the noise. threshold: gain that chance and noise would give. items: its effects in the fit.
+    doubt: why one of its effects cannot be what it says; its gain counts as none then, and `doubted` is what it was.
     """
 
     gain: float
     threshold: float
     fit: Fit
     start: Start
+    doubt: Doubt | None = None
+    doubted: float = 0.0
 
     @property
     def items(self) -> tuple[Instance, ...]:
@@ -94,17 +97,17 @@ def _first_steps(balance: TorqueBalance, base: Fit, start: Start) -> Fit:
     """The first steps of the joint fit of an axis with what a start adds."""
     axis = base.axis
     for item in start.instances:
-        axis = _with_effect(balance, axis, item)
+        axis = _with_effect(axis, item)
     return fit_jointly(balance, axis, base.noise, FIRST_STEPS, FIRST_TOLERANCE)
 
 
-def _with_effect(balance: TorqueBalance, axis: Axis, item: Instance) -> Axis:
-    """The axis with one more effect; a filter of the torque starts from the stated alignment, a delay takes over the rest."""
+def _with_effect(axis: Axis, item: Instance) -> Axis:
+    """The axis with one more effect; a filter of the torque starts from the log's alignment, a delay takes over the rest."""
     if not item.term.filters:
         return axis.with_effect(item)
-    aligned = replace(axis, actuation_delay=balance.stated_delay)
+    aligned = replace(axis, lateness=0.0)
     if item.term.alignment:
-        late = item.values[item.term.alignment] + axis.actuation_delay - balance.stated_delay
+        late = item.values[item.term.alignment] + axis.lateness
         item = item.replace(**{item.term.alignment: max(late, 0.0)})
     return aligned.with_effect(item)
 
@@ -117,8 +120,9 @@ def _candidate(
     items = candidate.items
     terms = [item.term for item in items]
     limit = threshold(balance, terms, start.count, start.alternatives)
-    if any(doubt(balance, fit, item, base.axis) is not None for item in items):
-        return replace(candidate, threshold=limit)
+    why_not = next(filter(None, (doubt(balance, fit, item, base.axis) for item in items)), None)
+    if why_not is not None:
+        return replace(candidate, threshold=limit, doubt=why_not, doubted=(base.squares - fit.squares) / dispersion)
     loads = {item.identity: gains_of_load(balance, fit, item) for item in items if follows_load(item.term)}
     from_noise = sum(by_noise for _, by_noise in loads.values())
     gain = (squares_gained(balance, base, fit, items) - from_noise) / dispersion / start.noise_excess

@@ -8,17 +8,18 @@ from __future__ import annotations
 import enum
 import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.search.matched_filter import FEWEST_PERIODS, ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.physics.axis import Axis
-from tcs_friction.physics.terms import Instance, Place, Role, Survey
+from tcs_friction.physics.terms import Instance, Parameter, Place, Role, Survey
 
 LARGEST_TORQUE = 1.2  # of the logged torque's rms: an effect that is larger cancels against another one
 LEAST_OWN_GAIN = 0.5  # of the least gain that counts, that an effect's own torque must have: it cannot gain more by itself
@@ -34,70 +35,100 @@ LEFT_OVER = 2.0 / CONDITION  # of two equal torques with that index, when they c
 AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
+TINY = 1e-300  # s, instead of no lag
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
 class Doubt(enum.Enum):
-    """Why a fitted effect cannot be what it says."""
+    """Why a fitted effect cannot be what it says: the rule that it does not meet."""
 
-    ALIGNMENT = "it is within the log's alignment"
-    TWICE = "it is one wave with another effect"
-    WARNED = "its values are not physical"
-    TOO_SMALL = "its torque is too small for its gain"
-    TOO_LARGE = "its torque is larger than that of the drive"
-    QUANTISATION = "it is within half a step of the encoder"
-    AT_BOUND = "it ended at a bound"
-    SIDE_LINE = "it is the changing amplitude of another wave"
-    COLLISIONS = "collisions that do not come at their exact time look like it"
-    NOT_WHOLE = "its order does not close with the turn"
-    DRIVEN = "the motion has its frequency"
-    STEADY = "the axis moves so steadily that a wave over its position looks like it"
-    CANCELLED = "other effects cancel it"
-    IMPLAUSIBLE = "such an effect cannot be told in such a motion"
-    NOT_RESOLVED = "the recording cannot show it with such values"
+    ALIGNMENT = rules.ALIGNMENT
+    BEYOND_SAMPLING = rules.SAMPLING
+    TWICE = rules.TWICE
+    WARNED = rules.WARNED
+    TOO_SMALL = rules.TOO_SMALL
+    TOO_LARGE = rules.TOO_LARGE
+    QUANTISATION = rules.QUANTISATION
+    AT_BOUND = rules.AT_BOUND
+    SIDE_LINE = rules.SIDE_LINE
+    COLLISIONS = rules.COLLISIONS
+    NOT_WHOLE = rules.NOT_WHOLE
+    DRIVEN = rules.DRIVEN
+    STEADY = rules.STEADY
+    CANCELLED = rules.SUMMED
+    IMPLAUSIBLE = rules.IMPLAUSIBLE
+    NOT_RESOLVED = rules.NOT_RESOLVED
+
+    @property
+    def asked(self) -> bool:
+        """Whether its rule is asked at all."""
+        return self.value.asked
 
 
 def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
     """Why an effect of a fit cannot be what it says; `base`: the axis that it was searched on."""
-    if item.term.alignment and item.values[item.term.alignment] < balance.alignment_leeway:
-        return Doubt.ALIGNMENT
-    others = [other for other in fit.axis.effects if other is not item]
-    if any(same_wave(balance, fit.axis, item, other) for other in others):
-        return Doubt.TWICE
-    if any(_side_line(balance, fit.axis, item, other) for other in others):
-        return Doubt.SIDE_LINE
-    if item.term.transfer is not None and any(other.term.collides for other in others):
-        return Doubt.COLLISIONS
-    return (
-        doubtful_size(balance, fit, item)
-        or _unresolved(balance, fit, item)
-        or _out_of_range(balance, base, item)
-        or _unlike_physics(balance, fit, item, base)
-    )
-
-
-def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
-    """Why no such effect is known, or could be told in this motion."""
-    if item.term.implausible(item.values, survey(balance, base)):
-        return Doubt.IMPLAUSIBLE
-    if not _whole(balance, fit, item):
-        return Doubt.NOT_WHOLE
-    if item.term.periodic == "time" and _driven(balance, fit, item):
-        return Doubt.DRIVEN
-    if item.term.periodic == "time" and _steady(balance, fit.axis, item):
-        return Doubt.STEADY
-    return Doubt.CANCELLED if _cancelled(balance, fit, item) else None
+    return next((one for one in _doubts(balance, fit, item, base) if one.asked), None)
 
 
 def doubtful_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
     """Why an effect's size or values cannot be."""
+    return next((one for one in _doubts_of_size(balance, fit, item) if one.asked), None)
+
+
+def _doubts(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Iterator[Doubt]:
+    """All doubts about an effect, cheap ones first."""
+    if item.term.alignment and item.values[item.term.alignment] <= balance.data.leeway:
+        yield Doubt.ALIGNMENT
+    if _beyond_sampling(balance, item):
+        yield Doubt.BEYOND_SAMPLING
+    others = [other for other in fit.axis.effects if other is not item]
+    if any(same_wave(balance, fit.axis, item, other) for other in others):
+        yield Doubt.TWICE
+    if any(_side_line(balance, fit.axis, item, other) for other in others):
+        yield Doubt.SIDE_LINE
+    if item.term.transfer is not None and any(other.term.collides for other in others):
+        yield Doubt.COLLISIONS
+    yield from _doubts_of_size(balance, fit, item)
+    yield from _unresolved(balance, fit, item)
+    yield from _out_of_range(balance, base, item)
+    yield from _unlike_physics(balance, fit, item, base)
+
+
+def _beyond_sampling(balance: TorqueBalance, item: Instance) -> bool:
+    """Whether an effect's frequency, or the corner of its lag, is above half the rate of new samples.
+
+    What such a mode, contact or lag does below it is no more than what hold and stamps of the log may do as well.
+    """
+    found = [p for p in item.term.parameters if p.role is Role.SHAPE and item.values[p.name] != p.default]
+    rates = [item.values[p.name] for p in found if p.unit == "Hz"]
+    if item.term.filters and not item.term.alignment:
+        rates += [1.0 / (2.0 * math.pi * max(item.values[p.name], TINY)) for p in found if p.unit == "s"]
+    return any(rate >= balance.data.nyquist for rate in rates)
+
+
+def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Iterator[Doubt]:
+    """Why no such effect is known, or could be told in this motion."""
+    if item.term.implausible(item.values, survey(balance, base)):
+        yield Doubt.IMPLAUSIBLE
+    if not _whole(balance, fit, item):
+        yield Doubt.NOT_WHOLE
+    if item.term.periodic == "time" and _driven(balance, fit, item):
+        yield Doubt.DRIVEN
+    if item.term.periodic == "time" and _steady(balance, fit.axis, item):
+        yield Doubt.STEADY
+    if _cancelled(balance, fit, item):
+        yield Doubt.CANCELLED
+
+
+def _doubts_of_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Iterator[Doubt]:
     if item.term.warn(item.values):
-        return Doubt.WARNED
+        yield Doubt.WARNED
     torque = own_torque(balance, fit, item)
     white = fit.noise.whiten(torque)
     if float(white @ white) < LEAST_OWN_GAIN * chance(1):
-        return Doubt.TOO_SMALL
-    return Doubt.TOO_LARGE if rms(torque[balance.train]) > LARGEST_TORQUE * balance.torque_size else None
+        yield Doubt.TOO_SMALL
+    if rms(torque[balance.train]) > LARGEST_TORQUE * balance.torque_size:
+        yield Doubt.TOO_LARGE
 
 
 def own_torque(balance: TorqueBalance, fit: Fit, item: Instance) -> np.ndarray:
@@ -178,29 +209,35 @@ def _cancelled(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     return False
 
 
-def _unresolved(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
+def _unresolved(balance: TorqueBalance, fit: Fit, item: Instance) -> Iterator[Doubt]:
     """Whether a wave passes too seldom or too fast to be seen, or moves the axis within half a step of a coarse encoder.
 
     At steady speed the error of the steps repeats with time and position, and sampling makes it slow.
     """
     if not item.term.periodic:
-        return None
-    step = balance.data.position_step
+        return
     if item.term.periodic == "position" and not _sampled(balance, fit.axis, item):
-        return Doubt.NOT_RESOLVED
+        yield Doubt.NOT_RESOLVED
     if item.term.periodic == "time" and item.order * float(np.ptp(balance.data.joined("t"))) < FEWEST_PERIODS:
-        return Doubt.NOT_RESOLVED
+        yield Doubt.NOT_RESOLVED
+    if _within_half_a_step(balance, fit, item):
+        yield Doubt.QUANTISATION
+
+
+def _within_half_a_step(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
+    """Whether a wave moves the axis, or the reading of it, by less than half a step of a coarse encoder."""
+    step = balance.data.position_step
     if step == 0.0:
-        return None
+        return False
     if item.term.place is Place.SENSOR:
         error = max(abs(item.values[p.name]) for p in item.term.parameters if p.role is Role.LINEAR)
-        return Doubt.QUANTISATION if error < HALF_A_STEP * step else None
+        return error < HALF_A_STEP * step
     phase_rate = 2.0 * math.pi
     if item.term.periodic == "position":
         phase_rate = fit.axis.cycle * float(np.median(np.abs(balance.data.joined("velocity")[balance.train])))
     rate = phase_rate * item.order
     amplitude = math.sqrt(2.0) * rms(own_torque(balance, fit, item)[balance.train])
-    return Doubt.QUANTISATION if amplitude < HALF_A_STEP * step * fit.axis.inertia * rate**2 else None
+    return amplitude < HALF_A_STEP * step * fit.axis.inertia * rate**2
 
 
 def _sampled(balance: TorqueBalance, axis: Axis, item: Instance) -> bool:
@@ -215,17 +252,20 @@ def _finest(balance: TorqueBalance) -> float:
     return RESOLVED_PERIOD * max(balance.data.position_step, balance.data.position_noise)
 
 
-def _out_of_range(balance: TorqueBalance, base: Axis, item: Instance) -> Doubt | None:
+def _out_of_range(balance: TorqueBalance, base: Axis, item: Instance) -> Iterator[Doubt]:
     """Whether a fit ended at a declared bound, or far from all values that the effect is searched at in such a recording."""
-    for parameter in item.term.parameters:
-        value = item.values[parameter.name]
-        if parameter.role in (Role.FIXED, Role.PHASE) or value == parameter.default or value == 0.0:
-            continue
-        near = AT_BOUND * abs(value)
-        if abs(value - parameter.lower) < near or abs(value - parameter.upper) < near:
-            return Doubt.AT_BOUND
-    view = survey(balance, base)
-    return None if within_search(item, view, item.values) else Doubt.NOT_RESOLVED
+    if any(_at_bound(item, parameter) for parameter in item.term.parameters):
+        yield Doubt.AT_BOUND
+    if not within_search(item, survey(balance, base), item.values):
+        yield Doubt.NOT_RESOLVED
+
+
+def _at_bound(item: Instance, parameter: Parameter) -> bool:
+    value = item.values[parameter.name]
+    if parameter.role in (Role.FIXED, Role.PHASE) or value == parameter.default or value == 0.0:
+        return False
+    near = AT_BOUND * abs(value)
+    return abs(value - parameter.lower) < near or abs(value - parameter.upper) < near
 
 
 def within_search(item: Instance, view: Survey, names: Collection[str]) -> bool:

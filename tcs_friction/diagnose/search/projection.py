@@ -120,6 +120,7 @@ def survey(balance: TorqueBalance, axis: Axis) -> Survey:
         cycle=axis.cycle,
         turns=partial(turns, data),
         period=period(data, axis),
+        acceleration=float(np.sqrt(np.mean(balance.terms.acceleration(axis)[balance.train] ** 2))),
     )
 
 

@@ -27,6 +27,11 @@ class Kind(NamedTuple):
     effect: str
     signal: str | None = None
 
+    @property
+    def words(self) -> str:
+        """Its id with the signal it acts through."""
+        return self.effect + (f" from {self.signal}" if self.signal else "")
+
 
 def kind_of(item: Instance) -> Kind:
     """The kind of an effect."""

@@ -79,6 +79,12 @@ def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
     ]
 
 
+def implausible(values: Mapping[str, float], survey: Survey) -> str:
+    """A contact that gives way further than the gap is wide, under the accelerations of the motion, is a spring and no stop."""
+    gives_way = survey.acceleration / (2.0 * math.pi * values["contact_frequency"]) ** 2
+    return "its contact is softer than the gap is wide" if gives_way > values["gap"] else ""
+
+
 def rate(values: Mapping[str, float], inertia: float) -> float:
     """Both bodies swing on the contact faster than the second one against a shaft that is held."""
     return 2.0 * math.pi * values["contact_frequency"] / math.sqrt(1.0 - values["inertia_ratio"])
@@ -127,4 +133,5 @@ TERM = Term(
     discontinuous=True,
     needs=frozenset({Need.BOTH_DIRECTIONS, Need.REVERSALS, Need.ACCELERATION}),
     rate=rate,
+    implausible=implausible,
 )

@@ -13,7 +13,10 @@ from tcs_friction.physics.terms import TORQUE, Need, Parameter, Place, Survey, T
 
 @kernel
 def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
-    """State: how many samples came, then a ring of the last torques; the torque between two samples is on their line."""
+    """State: how many samples came, then a ring of the last torques; the torque between two samples is on their line.
+
+    A fit to a log may find the torque early by a little: it goes on along the last line then.
+    """
     size = len(state) - 1
     count = int(state[0])
     if count == 0:
@@ -21,7 +24,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
     state[1 + count % size] = motion[TORQUE]
     state[0] = count + 1.0 if count < 2 * size else count + 1.0 - size
     back = min(parameters[0] / dt, size - 2.0) if dt > 0.0 else 0.0
-    whole = int(back)
+    whole = max(int(back), 0)
     part = back - whole
     newer = state[1 + (count + size - whole) % size]
     older = state[1 + (count + 2 * size - whole - 1) % size]
@@ -29,7 +32,7 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def _ring(values: Mapping[str, float], dt: float) -> int:
-    return 4 + math.ceil(values["delay"] / dt)
+    return 4 + math.ceil(max(values["delay"], 0.0) / dt)
 
 
 def scan(survey: Survey) -> Sequence[Mapping[str, float]]:
