@@ -1,4 +1,4 @@
-"""Identify inertia, friction and offset of an axis from bags.
+"""Identify inertia, friction and offset of an axis from recordings.
 
 Writes DIR/identification.json, DIR/axis.yaml (the axis with the identified friction), pictures and DIR/report.html.
 """

@@ -105,7 +105,7 @@ def test_a_diagnosis_says_what_is_cancelled_and_how_sure_it_is(
     assert again == found, "draws have a seed"
     stages = {stage["name"]: stage for stage in found["stages"]}
     assert set(stages) == {"nothing", "friction law", "everything"}, "one effect is everything"
-    diagnosis(known, {"coulomb_asymmetry": ASYMMETRY}, {"cogging": COGGING}, 0.0)
+    diagnosis(known, {"coulomb_asymmetry": ASYMMETRY}, {"cogging": COGGING}, 1e-6)
     noise = predicted(words, tmp_path / "noise", capsys)["stages"][-1]["rms_between"]
     assert np.diff(stages["everything"]["rms_between"]) > 1.5 * np.diff(noise), "what the diagnosis is not sure of widens it"
 

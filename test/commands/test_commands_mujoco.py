@@ -137,7 +137,7 @@ def test_diagnose_believes_what_the_model_does(
         learnt.append((where, recordings, start))
         return replace(start, inertia=1234.0), "it behaves like this"
 
-    def diagnose(_: Any, file: AxisFile, __: Any) -> Any:
+    def diagnose(_: Any, file: AxisFile, *__: Any) -> Any:
         learnt.append(file)
         return diagnosis(file)
 

@@ -208,7 +208,8 @@ def test_a_reference_that_has_lost_the_axis_for_a_moment_is_asked_again(
         async def until(self, ready: Callable[[], bool], _limit: float) -> bool:
             return ready()
 
-    going = programme.Programme(None, Waiter(), Others(), runs)  # type: ignore[arg-type]
+    node = SimpleNamespace(file=SimpleNamespace(axis=SimpleNamespace(continuous=False)))
+    going = programme.Programme(node, Waiter(), Others(), runs)  # type: ignore[arg-type]
     config = SimpleNamespace(answer_limit=1.0, stall_limit=0.05)
     steps = going._go_to_start(reference_from_mapping({"kind": "hold", "duration": 1.0}, "x"), config, lambda _: None)
     if message:

@@ -107,9 +107,9 @@ def test_a_run_played_back_as_the_documentation_says_is_identified_as_its_bag_is
     assert offline["coulomb"] == pytest.approx(78.1, rel=0.02)
     assert wait_until(lambda: not processes.alive("player"), 40.0), processes.log("player")
 
-    assert service[:3] == ["ros2", "service", "call"]
-    assert service[4] == "tcs_friction_msgs/srv/Identify"
-    answer = call(Identify, service[3], Identify.Request(**yaml.safe_load(service[5])))
+    assert service[:4] == ["./tcs", "ros", "service", "call"]
+    assert service[5] == "tcs_friction_msgs/srv/Identify"
+    answer = call(Identify, service[4], Identify.Request(**yaml.safe_load(service[6])))
     assert answer.success, answer.message
     assert "7501 live joint states" in answer.message
     assert found(tmp_path / "states") == offline  # the same samples, so the same numbers

@@ -18,6 +18,7 @@ PAPER = "report/paper/"  # its measurements and its plant, described as they are
 # A file, what it names and why it may.
 ALLOWED = {
     ("report/diagnosis_plots.py", "learned_map"): "the name of a picture's file",
+    ("report/diagnosis_files.py", "learned_map"): "the name of a picture's file",
     ("control/loop.py", "stribeck"): "a kind of compensation",
     ("export/mjcf.py", "cogging"): "an attribute of MuJoCo's dcmotor",
     ("identify/first_axis.py", "imbalance"): "the gravity that a first axis file is given",
