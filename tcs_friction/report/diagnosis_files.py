@@ -31,6 +31,10 @@ def write_diagnosis(directory: Path, found: Diagnosis, with_described: bool = Fa
     """
     file = found.complete_file if with_described else found.axis_file
     content = found.to_mapping()
+    written = {item.identity: item.values for item in file.axis.effects}  # fitted anew where others were left out
+    for one, entry in zip((*found.effects, *found.described), (*content["effects"], *content["described"]), strict=True):
+        if one.instance.identity in written:
+            entry["written"] = {name: float(written[one.instance.identity][name]) for name in entry["parameters"]}
     with staged(directory, *SOMETIMES) as part:
         write_whole(part / DIAGNOSIS, json.dumps(content, indent=2, allow_nan=False) + "\n")
         save_axis(part / "axis.yaml", file, f"Diagnosed by tcs-friction: {found.statement}\n{found.seen.words}")
@@ -64,7 +68,7 @@ def told_by(path: Path, axis: Axis) -> tuple[dict[str, str], dict[str, Mapping[s
 
 @dataclass(frozen=True)
 class _Told:
-    """An effect of a diagnosis: its id, its values and their standard deviations by parameter."""
+    """An effect of a diagnosis: its id, its values as the axis file has them, and standard deviations by parameter."""
 
     effect: str
     values: Mapping[str, float]
@@ -80,4 +84,6 @@ class _Told:
 def _told(entry: Json) -> _Told:
     parameters = entry.at("parameters").mapping()
     values = {name: one.at("value").number() for name, one in parameters.items()}
+    if "written" in entry.mapping():
+        values = {name: one.number() for name, one in entry.at("written").mapping().items()}
     return _Told(entry.at("effect").text(), values, {name: one.at("std").above(0.0) for name, one in parameters.items()})

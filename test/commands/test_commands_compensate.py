@@ -19,6 +19,7 @@ from tcs_friction.physics.registry import effect
 from tcs_friction.physics.terms import Instance, instance
 from tcs_friction.recording.bags import read_recordings
 from tcs_friction.recording.tables import export_table
+from tcs_friction.report.diagnosis_files import told_by
 
 COGGING = {"order": 200.0, "amplitude": 20.0, "phase": 0.3}
 ASYMMETRY = {"asymmetry": 0.2}
@@ -108,6 +109,21 @@ def test_a_diagnosis_says_what_is_cancelled_and_how_sure_it_is(
     diagnosis(known, {"coulomb_asymmetry": ASYMMETRY}, {"cogging": COGGING}, 1e-6)
     noise = predicted(words, tmp_path / "noise", capsys)["stages"][-1]["rms_between"]
     assert np.diff(stages["everything"]["rms_between"]) > 1.5 * np.diff(noise), "what the diagnosis is not sure of widens it"
+
+
+def test_an_effect_is_known_by_the_values_that_the_diagnosis_wrote(tmp_path: Path) -> None:
+    """Named effects are fitted anew without those that are only described: the axis file has other values than the proof."""
+    path = axis(tmp_path / "axis.yaml", item("coulomb_asymmetry", ASYMMETRY))
+    other = {name: 1.01 * value for name, value in ASYMMETRY.items()}
+    known = diagnosis(tmp_path / "diagnosis.json", {"coulomb_asymmetry": other}, {})
+    believed = load_axis(path).axis
+    assert told_by(known, believed)[0] == {"coulomb_asymmetry": "the diagnosis does not know it"}
+    content = json.loads(known.read_text())
+    content["effects"][0]["written"] = ASYMMETRY
+    known.write_text(json.dumps(content))
+    left_out, deviations = told_by(known, believed)
+    assert not left_out
+    assert set(deviations) == {"coulomb_asymmetry"}
 
 
 MODE = {"frequency": 9.0, "damping": 0.01, "inertia_ratio": 0.3}
