@@ -243,6 +243,8 @@ def _concluded(task: _Task, done: _Found, began: float) -> Identification:
     timing = None if motion.measured else _timing(concluded, task.free_timing)
     period = problem.whole.grids[0].logged.period if problem.whole.grids else 0.0
     told = (*rising(task.axis, parameters), *when_torque_acts(timing, period))
+    errors = concluded.errors(done.polished)
+    left = [rest for rest in (errors.train, errors.held_out) if math.isfinite(rest)]
     return Identification(
         law=task.axis.friction.term.id,
         method=task.method,
@@ -250,8 +252,8 @@ def _concluded(task: _Task, done: _Found, began: float) -> Identification:
         inertia=concluded.estimate(problem.inertia_index),
         offset=concluded.estimate(problem.offset_index),
         directions=concluded.directions(),
-        rmse=concluded.errors(done.polished),
-        noise_floor=noise_floor(refined.residual),
+        rmse=errors,
+        noise_floor=min(noise_floor(refined.residual), *left),
         cost=refined.cost,
         evaluations=found.evaluations + verdicts.evaluations,
         seconds=time.perf_counter() - began,
@@ -356,12 +358,13 @@ def _sharpened(
     sharp, held = _predicted(fine, torques, cancel)
     if sharp is None:
         return verdicts, None
-    if torques.contradict(sharp):
+    refined = torques.refitted(sharp)
+    if sharp.hopeless or torques.contradict(sharp, refined):
         return replace(verdicts, notes=(*verdicts.notes, CONTRADICTED)), None
     freed = np.flatnonzero(~held & ~verdicts.space.free)
     reasons = {k: reason for k, reason in verdicts.reasons.items() if k not in freed}
     return replace(
-        verdicts, refined=torques.refitted(sharp), space=space.holding(held),
+        verdicts, refined=refined, space=space.holding(held),
         evaluations=verdicts.evaluations + sharp.evaluations,
         notes=verdicts.notes if sharp.sound else (*verdicts.notes, COLOURED), reasons=reasons,
         owed=verdicts.owed if reasons else np.zeros_like(verdicts.owed),
@@ -394,18 +397,21 @@ class _Torques:
 
     def hopeless(self, sharp: Sharpened) -> bool:
         """Whether predictions that are under way leave more of the torque, however that is told: the law is another."""
-        return not self._explained(sharp) and not (self._bent(sharp) and self._undisturbed(sharp))
+        return not self._explained(self.refitted(sharp)) and not (self._bent(sharp) and self._undisturbed(sharp))
 
-    def contradict(self, sharp: Sharpened) -> bool:
-        """Whether predictions leave more of the torque. Where that is bent, sound ones leave the disturbance that they need."""
-        return not (self._undisturbed(sharp) if self._bent(sharp) and sharp.sound else self._explained(sharp))
+    def contradict(self, sharp: Sharpened, refined: Refined) -> bool:
+        """Whether predictions leave more of the torque. Where that is bent, sound ones leave the disturbance that they need.
+
+        refined: `refitted` of them.
+        """
+        return not (self._undisturbed(sharp) if self._bent(sharp) and sharp.sound else self._explained(refined))
 
     def _bent(self, sharp: Sharpened) -> bool:
         """Whether bristles swing about as fast as the low pass lets through: it bends what a model makes of the motion."""
         return sharp.aim.swing > OCTAVE * 2.0 * math.pi * self.problem.motion.bandwidth
 
-    def _explained(self, sharp: Sharpened) -> bool:
-        return rms(self._counted(self.refitted(sharp))) < WORSE * self.left
+    def _explained(self, refined: Refined) -> bool:
+        return rms(self._counted(refined)) < WORSE * self.left
 
     def _undisturbed(self, sharp: Sharpened) -> bool:
         return sharp.disturbance(self.problem.motion.bandwidth) < WORSE * self.left

@@ -158,8 +158,6 @@ class Identification:
     def __post_init__(self) -> None:
         for name in ("parameters", "directions", "bound", "profiles"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-        left = [value for value in (self.rmse.train, self.rmse.held_out) if math.isfinite(value)]
-        object.__setattr__(self, "noise_floor", min([self.noise_floor, *left]))
 
     @property
     def every(self) -> dict[str, Estimate]:
