@@ -67,9 +67,10 @@ def test_a_torque_over_position_is_left_and_named(data: Path) -> None:
 def test_the_benchmark_writes_table_and_report(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["bench", "hardware", "--data", str(data), "--laws", SIMPLEST, "-o", str(tmp_path / "out")]
+    words = ["bench", "hardware", "--data", str(data), "--laws", "lugre", "-o", str(tmp_path / "out")]
     assert main(words) == 0
     printed = capsys.readouterr().out
+    assert "rig: lugre" in printed
     assert "rig: coulomb_viscous" in printed
     document = (tmp_path / "out" / "report.html").read_text()
     assert "A rig on a bench" in document

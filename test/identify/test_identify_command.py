@@ -129,7 +129,7 @@ def test_an_axis_file_without_an_inertia_gets_one(
 ) -> None:
     lines = (shared_data / "data/emps/axis.yaml").read_text().splitlines()
     results = []
-    for value in (None, 1e5):
+    for value in (None, 1e-3, 1e5):
         folder = tmp_path / str(value)
         folder.mkdir()
         new = [line if "inertia:" not in line else f"  inertia: {value!r}" for line in lines if value or "inertia:" not in line]
@@ -137,7 +137,7 @@ def test_an_axis_file_without_an_inertia_gets_one(
         recorded = str(shared_data / "data/emps/recording")
         assert main(["identify", recorded, "--axis", str(folder / "axis.yaml"), "-o", str(folder / "out"), "--json"]) == 0
         results.append(json.loads(capsys.readouterr().out)["inertia"]["value"])
-    assert results == pytest.approx([results[0]] * 2, rel=1e-6)
+    assert results == pytest.approx([results[0]] * 3, rel=1e-6)
     assert results[0] == pytest.approx(95.109, rel=0.01)
 
 
