@@ -281,6 +281,7 @@ def test_whatever_ends_the_set_up_ends_its_children_and_leaves_no_record(number:
         (["test", "test/physics"], "test_optional"),
         (["fleet", "bags", "--axes", "axes.yaml"], "fleet"),
         (["bench", "fleet"], "fleet"),
+        (["bench", "hostile", "--kind", "writing"], "live"),
     ],
 )
 def test_optional_sets_are_installed_once(
