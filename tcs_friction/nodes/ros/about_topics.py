@@ -13,9 +13,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from tcs_friction.errors import InputError, JobError, nearest
 from tcs_friction.nodes.core.qos import LISTEN
-from tcs_friction.nodes.ros.asker import ANSWER_LIMIT, POLL, SETTLED, Asker, absolute, print_names
+from tcs_friction.nodes.ros.asker import ANSWER_LIMIT, POLL, Asker, absolute, print_names
 from tcs_friction.nodes.ros.interface_values import as_yaml, from_yaml, interface
 
+UNNAMED = "_NODE_NAME_UNKNOWN_"
+"""In place of the name of a node of which no more is known than that it publishes or hears."""
 KEPT = 1000
 """Messages that wait for a terminal that is slow."""
 TOLD_EVERY = 1.0  # s
@@ -35,12 +37,15 @@ def type_of_topic(asker: Asker, arguments: argparse.Namespace) -> None:
 def about_topic(asker: Asker, arguments: argparse.Namespace) -> None:
     """Its type, and who publishes and hears it."""
     name, node = absolute(arguments.name), asker.node
-    kind = _type(asker, name)
-    asker.until(lambda: False, SETTLED)  # others may have it, too
-    print(f"Type: {kind}\n")
-    ends = {"Publisher": node.get_publishers_info_by_topic, "Subscription": node.get_subscriptions_info_by_topic}
-    for side, look in ends.items():
-        found = [str(end) for end in look(name)]
+    sides = {"Publisher": node.get_publishers_info_by_topic, "Subscription": node.get_subscriptions_info_by_topic}
+
+    def ends() -> dict[str, list[str]]:
+        return {side: [str(end) for end in look(name)] for side, look in sides.items()}
+
+    asker.settled(ends)
+    asker.until(lambda: UNNAMED not in str(ends()), ANSWER_LIMIT)
+    print(f"Type: {_type(asker, name)}\n")
+    for side, found in ends().items():
         print(f"{side} count: {len(found)}")
         if arguments.verbose:
             print("\n" + "".join(f"{text}\n\n" for text in found), end="")

@@ -88,7 +88,7 @@ class Asker:
         client = self.node.create_client(kind, f"{node}/{service}")
         try:
             if not self.ready(client, ANSWER_LIMIT):
-                others = self.offering(service)
+                others = [name for name in self.offering(service) if name != node]  # it may have come or gone meanwhile
                 raise JobError(f"node {node}", "not found", nearest(node, others) if others else "its graph to run")
             for _ in range(times):
                 future = client.call_async(request)
