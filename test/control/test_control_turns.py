@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from encoder_cases import as_it_is, from_zero, symmetric
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,20 +17,6 @@ from tcs_friction.errors import InputError
 
 CABLE = Travel(-1.5 * math.pi, 1.5 * math.pi)
 """One and a half turns: between half a turn and a turn an angle has two places."""
-
-
-def from_zero(position: float) -> float:
-    """0 to 2 pi."""
-    return position % TURN
-
-
-def symmetric(position: float) -> float:
-    """-pi to pi."""
-    return (position + math.pi) % TURN - math.pi
-
-
-def as_it_is(position: float) -> float:
-    return position
 
 
 ENCODERS = (from_zero, symmetric, as_it_is)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from encoder_cases import as_it_is, from_zero, symmetric
 from rclpy.parameter import Parameter
 from test_nodes_steps import SETTINGS
 from virtual import Loop
@@ -27,18 +27,6 @@ PASS = {
     "start_position": TURN - NORTH,
     "clock": "real_time",
 }
-
-
-def from_zero(position: float) -> float:
-    return position % TURN
-
-
-def symmetric(position: float) -> float:
-    return (position + math.pi) % TURN - math.pi
-
-
-def as_it_is(position: float) -> float:
-    return position
 
 
 @pytest.fixture
