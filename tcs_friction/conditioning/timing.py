@@ -19,6 +19,9 @@ import numpy as np
 from tcs_friction.conditioning.hold import Between, stale_stride
 from tcs_friction.recording.recording import Recording
 
+LONGEST = 0.05
+"""s: clocks of a drive and its encoder differ by less, or nobody could control with them."""
+
 
 @dataclass(frozen=True)
 class LogTiming:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from tcs_friction.conditioning.timing import LONGEST
 from tcs_friction.identify.cost import scales, widest
 from tcs_friction.identify.models import LuGreModel, first_directions
 from tcs_friction.identify.problem import MOST_INITIAL_STATES, Problem
 from tcs_friction.identify.refine import Space
 from tcs_friction.physics.terms import Role
-
-LONGEST = 0.05  # s: clocks of a drive and its encoder differ by less, or nobody could control with them
 
 
 def believed_start(problem: Problem) -> np.ndarray:

@@ -15,8 +15,8 @@ from scipy import fft
 from scipy.stats import chi2
 
 from tcs_friction.conditioning.motion import Motion, Timing
+from tcs_friction.conditioning.timing import LONGEST
 from tcs_friction.identify import kernels
-from tcs_friction.identify.start import LONGEST
 
 WIDTHS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Of bristles, as shares of the travel: from the finest that any bearing of a long axis shows to a soft cable."""

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from tcs_friction.diagnose.outcome.result import Found, Unexplained
 from tcs_friction.diagnose.outcome.statement import effect_words, listed
 
-MOST_WORDS = 20
-NAMED_FIRST = 3  # effects with a name of their own in a headline
+NAMED_FIRST = 3  # effects by their names, of three words at most: a fourth would make more than twenty words
 
 
 def headline(verdict: str, effects: Sequence[Found], unexplained: Unexplained, law: str = "") -> str:

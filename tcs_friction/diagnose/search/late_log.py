@@ -17,15 +17,14 @@ from dataclasses import replace
 
 from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.conditioning.hold import Between
-from tcs_friction.conditioning.timing import LogTiming, TorqueActs
+from tcs_friction.conditioning.timing import LONGEST, LogTiming, TorqueActs
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import Fit, settle
 from tcs_friction.diagnose.fit.parameters import Part
 from tcs_friction.diagnose.search.significance import chance
 
-MIDWAY = 0.5  # of the leeway: between the middle of a momentary value and that of a held one
-LONGEST = 0.05  # s: clocks of a drive and its encoder differ by less, or nobody could control with them
-AT_END = 0.999  # of what stamps may mean
+MIDWAY = 0.5  # of the leeway, half a renewal: the middle of what is held lies that far from the stamp, a momentary value's at it
+AT_END = 0.999  # of a reach: steps end at its bound but for rounding, and a value within a thousandth of it tells nothing either
 
 Prepare = Callable[[tuple[LogTiming, ...]], DataSet]
 
