@@ -93,7 +93,7 @@ def diagnosed_into(arguments: argparse.Namespace, directory: Path) -> Done:
         report = write_diagnosis(directory, found, arguments.with_described)
     tell_notes(recordings)
     text = "\n".join([*([remark] if remark else []), summary(found), str(report)])
-    content = found.to_mapping()
+    content = found.to_mapping(arguments.with_described)
     return Done(text, content, f"{content['verdict']}: {content['headline']}", report.name)
 
 

@@ -156,7 +156,7 @@ def _diagnosed(row: Row, found: Diagnosis) -> Row:
         row,
         verdict=str(found.verdict),
         statement=found.statement,
-        effects=json.dumps([effect.to_mapping() for effect in found.effects]),
+        effects=json.dumps(found.to_mapping()["effects"]),
         noise_floor=found.noise_floor,
         residual_believed=found.believed.held_out,
         residual_retuned=found.retuned.held_out,

@@ -30,11 +30,7 @@ def write_diagnosis(directory: Path, found: Diagnosis, with_described: bool = Fa
     The axis file holds what is named, and `with_described` what is described, too.
     """
     file = found.complete_file if with_described else found.axis_file
-    content = found.to_mapping()
-    written = {item.identity: item.values for item in file.axis.effects}  # fitted anew where others were left out
-    for one, entry in zip((*found.effects, *found.described), (*content["effects"], *content["described"]), strict=True):
-        if one.instance.identity in written:
-            entry["written"] = {name: float(written[one.instance.identity][name]) for name in entry["parameters"]}
+    content = found.to_mapping(with_described)
     with staged(directory, *SOMETIMES) as part:
         write_whole(part / DIAGNOSIS, json.dumps(content, indent=2, allow_nan=False) + "\n")
         save_axis(part / "axis.yaml", file, f"Diagnosed by tcs-friction: {found.statement}\n{found.seen.words}")

@@ -70,8 +70,8 @@ class Found:
         """Rms of what is missed without it, the rest refitted, N m; its own torque is larger where the rest can stand for it."""
         return math.sqrt(max(self.before**2 - self.after**2, 0.0))
 
-    def to_mapping(self) -> dict[str, Any]:
-        """As diagnosis.json has it."""
+    def to_mapping(self, file: AxisFile) -> dict[str, Any]:
+        """As diagnosis.json has it beside this axis file, whose values were fitted anew where other effects were left out."""
         content: dict[str, Any] = {
             "effect": self.effect,
             "equivalent": list(dict.fromkeys(kind.effect for kind in self.equivalent)),
@@ -93,6 +93,9 @@ class Found:
                 "left": self.agreement.left,
             },
         }
+        written = next((item.values for item in file.axis.effects if item.identity == self.instance.identity), None)
+        if written is not None:
+            content["written"] = {name: float(written[name]) for name in self.parameters}
         if self.refused:
             content["refused"] = [refusal.to_mapping() for refusal in self.refused]
         if self.instance.signal is not None:
@@ -210,8 +213,9 @@ class Diagnosis:
     parameters: tuple[Told, ...]
     evidence: Evidence
 
-    def to_mapping(self) -> dict[str, Any]:
-        """The content of diagnosis.json."""
+    def to_mapping(self, with_described: bool = False) -> dict[str, Any]:
+        """The content of diagnosis.json, beside an axis file with or without what is described."""
+        file = self.complete_file if with_described else self.axis_file
         fit: dict[str, Any] = {"noise_floor": self.noise_floor}
         for name in ("believed", "retuned", "improved"):
             errors: Errors = getattr(self, name)
@@ -222,7 +226,7 @@ class Diagnosis:
             "verdict": str(self.verdict),
             "headline": self.headline,
             "statement": self.statement,
-            "effects": [found.to_mapping() for found in self.effects],
+            "effects": [found.to_mapping(file) for found in self.effects],
             "unexplained": {
                 "present": self.unexplained.present,
                 "torque_rms": self.unexplained.torque_rms,
@@ -233,7 +237,7 @@ class Diagnosis:
             "closed_loop": {"position_rms": dict(self.closed_loop)} if self.closed_loop else None,
             "atlas": [dict(entry) for entry in self.atlas],
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
-            "described": [found.to_mapping() for found in self.described],
+            "described": [found.to_mapping(file) for found in self.described],
             "refused": [one.to_mapping() for one in self.refused],
             "limits": list(self.limits),
             "timing": [one.to_mapping() for one in self.timing],
