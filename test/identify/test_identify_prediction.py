@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, axis_of
+from scipy import linalg
 
 from benchmarks import accuracy, law_axes
 from tcs_friction.conditioning.hold import LoggedTorque
@@ -27,8 +28,8 @@ from tcs_friction.recording.recording import Recording
 DT = 1e-3
 DRIVEN = np.array([[DT**2 / 3.0, DT / 2.0], [DT / 2.0, 1.0]])  # of velocity and itself, by a random acceleration
 CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 60.0, 2e-4, 5e-8, 1e-4, 0.5, 1.0])
-LIGHT = np.array([20.0, 28.0, 0.02, 2.2e6, 3e3, 12.0, 4.0, 0.0, 100.0, 1e-12, 1e3, 1e-12, 0.0, 0.0])
-"""Of an encoder that tells nothing."""
+LIGHT = np.array([20.0, 28.0, 0.02, 2.2e6, 3e3, 12.0, 4.0, 0.0, 100.0, 1e-15, 1e-9, 1e-15, 0.0, 0.0])
+"""Of noises so small that nothing slips by chance."""
 SWING = DT * max(math.sqrt(LIGHT[3] / LIGHT[6]), (LIGHT[4] + LIGHT[5]) / LIGHT[6])  # rad in a sample, of its bristle
 LATE = 0.4 * DT
 ROUGH = 0.3  # N m, of a torque's changes
@@ -40,14 +41,34 @@ def run() -> LoopRun:
     return accuracy.run_axis(accuracy.draw(np.random.default_rng(5)), 3, 30.0)
 
 
-def after_step(x: np.ndarray, push: float, p: np.ndarray) -> np.ndarray:
-    """State a step later: position, velocity, deflection, disturbance."""
-    coulomb, static, stribeck, stiffness, damping, viscous, inertia = p[:7]
+def folded(v: float, deviation: float) -> float:
+    """Mean of |v|, of a normal velocity."""
+    u = v / (math.sqrt(2.0) * deviation)
+    return v * math.erf(u) + deviation * math.sqrt(2.0 / math.pi) * math.exp(-u * u)
+
+
+def level(v: float, p: np.ndarray) -> float:
+    """Friction of LuGre in the long run, N m."""
+    return float(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2)))
+
+
+def forgetting(p: np.ndarray) -> float:
+    """1/s: one over the integral of the squared autocorrelation of an axis' velocity at rest, by matrices."""
+    stiffness, damping, inertia, rate = p[3], p[4] + p[5], p[6], p[8]
+    matrix = np.array([[0.0, 1.0, 0.0], [-stiffness / inertia, -damping / inertia, 1.0], [0.0, 0.0, -rate]])
+    spread = linalg.solve_continuous_lyapunov(matrix, -np.diag([0.0, 0.0, 1.0]))
+    decay = spread[:, 1] / spread[1, 1]
+    return float(1.0 / linalg.solve_continuous_lyapunov(matrix, -np.outer(decay, decay))[1, 1])
+
+
+def after_step(x: np.ndarray, push: float, p: np.ndarray, deviation: float, slipped: float = 0.0) -> np.ndarray:
+    """State a step later: position, velocity, deflection, disturbance. deviation: of the velocity; slipped: z, by chance."""
+    stiffness, damping, viscous, inertia = p[3:7]
     keep, stay = np.exp(-p[8] * DT), np.exp(-SLOW * DT)
 
     def bristle(v: float) -> float:
-        forget = stiffness * abs(v) / (coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2)))
-        return float(x[2] * np.exp(-forget * DT) + (v / forget) * -np.expm1(-forget * DT))
+        forget = stiffness * folded(v, deviation) / level(v, p)
+        return slipped + float(x[2] * np.exp(-forget * DT) + (v / forget) * -np.expm1(-forget * DT))
 
     def acceleration(v: float, z: float, w: float) -> float:
         rate = (bristle(v) - x[2]) / DT
@@ -77,11 +98,14 @@ def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.nd
     noise[np.ix_([1, 3], [1, 3])] = power * DRIVEN
     noise[4, 4] = drift**2 * (1.0 - np.exp(-2.0 * SLOW * DT))
     state = np.array([position[0], (position[1] - position[0]) / DT, 0.0, 0.0, 0.0])
+    known_for = forgetting(p)
     first = [encoder**2, 2 * (encoder / DT) ** 2 + state[1] ** 2, (p[1] / p[3]) ** 2, size**2, drift**2]
     spread = np.diag(first)
     errors, variances = [], []
     for k in range(len(position)):
+        before = spread[1, 1]
         state, spread, error, variance = measured(state, spread, position[k], encoder)
+        deviation, learnt = math.sqrt(spread[1, 1]), before / spread[1, 1] - 1.0
         errors.append(error)
         variances.append(variance)
         share = LATE / DT  # of the step in which the torque before still acts
@@ -89,13 +113,19 @@ def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.nd
         push = (1.0 - share) * after + share * torque[k] - offset
 
         def step(x: np.ndarray, push: float = push) -> np.ndarray:
-            return after_step(x, push, p)
+            return after_step(x, push, p, deviation)
 
         scale = np.array([1e-8, 1e-9, 1e-9, 1e-8, 1e-8])
         turn = np.column_stack([(step(state + d) - step(state - d)) / (2 * d.sum()) for d in np.diag(scale)])
         driven = (step(state, push + 1.0) - step(state, push - 1.0)) / 2.0
+        slip = (after_step(state, push, p, deviation, 1e-9) - step(state)) / 1e-9
+        z, v = state[2], 0.5 * (state[1] + step(state)[1])
         state = step(state)
-        spread = turn @ spread @ turn.T + noise + (missed * ROUGH) ** 2 * np.outer(driven, driven)
+        mean = folded(v, deviation)
+        chance = v**2 + deviation**2 * (1.0 - math.erf(v / (math.sqrt(2.0) * deviation)) ** 2) - mean**2
+        pull = p[3] / level(v, p) * 0.5 * (z + state[2]) * -np.expm1(-p[3] * mean * DT / level(v, p)) / (p[3] * mean * DT / level(v, p))
+        slips = 2.0 * DT * pull**2 * chance / min(known_for + learnt / DT, 2.0 / DT)
+        spread = turn @ spread @ turn.T + noise + (missed * ROUGH) ** 2 * np.outer(driven, driven) + slips * np.outer(slip, slip)
     return np.array(errors), np.array(variances)
 
 
@@ -340,7 +370,9 @@ def forced(
     )
     errors, variances = [], []
     for k in range(len(position)):
+        before = spread[1, 1]
         state, spread, error, variance = measured(state, spread, position[k], encoder)
+        deviation, learnt = math.sqrt(spread[1, 1]), before / spread[1, 1] - 1.0
         errors.append(error)
         variances.append(variance)
         if k == len(push):
