@@ -1,10 +1,12 @@
 """Compiled loop of a Kalman filter about an axis with LuGre friction: how well each next position is predicted.
 
-State: position x, velocity v, bristle deflection z and the acceleration by disturbances, which is first-order noise w and a
-slow drift d; without the drift, whatever a law lacks at low frequency would spoil the spectrum of w. A step is that of the
-midpoint rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for fast
-motion, extrapolated from the step's two halves; covariances follow the linearised step (extended Kalman filter, Jazwinski
-1970). Each stretch starts with velocity, bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
+State: position x, velocity v, bristle deflection z and the acceleration by disturbances, which is first-order noise w and a slow
+drift d; without the drift, whatever a law lacks at low frequency would spoil the spectrum of w. A step is that of the midpoint
+rule under the torque held over it, exact in z for the middle velocity, so that no bristle is too stiff for fast motion,
+extrapolated from the step's two halves; covariances follow the linearised step (extended Kalman filter, Jazwinski 1970). The
+speed |v| that wears the bristle is statistically linearised instead (Gelb, Applied Optimal Estimation, 1974, chapter 6.2): an
+axis at rest that noise shakes slips by the mean of |v|, and by chance for as long as its velocity stays like itself. Each stretch
+starts with velocity, bristle and disturbance unknown. Candidates go side by side in lanes, as in `kernels`.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ def forgets_speed(inertia: Any, stiffness: Any, damping: Any, rate: Any) -> Any:
     """1/s, of one over the integral of the squared autocorrelation of the velocity of an axis at rest.
 
     Noise of first order (1/s) drives the axis on its bristles: rho(s) = s (s + d2) / (s^3 + d2 s^2 + d1 s + d0) with
-    d2 = a + r, d1 = b + a r, d0 = b r, a = damping / inertia, b = stiffness / inertia; the integral by Newton, Gould & Kaiser 1957.
+    d2 = a + r, d1 = b + a r, d0 = b r, a = damping / inertia, b = stiffness / inertia; Newton, Gould & Kaiser 1957, appendix E.
     """
     a, b = damping / inertia, stiffness / inertia
     return 2.0 * a * (b + a * rate + rate * rate) / (b + a * rate + (a + rate) ** 2)
@@ -138,7 +140,10 @@ def predict(
 
 @njit(inline="always")
 def _update(s: Any, c: Any, learnt: Any, measured: float) -> None:
-    """Take a measured position (rad) into states and covariances of all lanes. learnt: how much surer of the velocity it makes."""
+    """Take a measured position (rad) into states and covariances of all lanes.
+
+    learnt: filled with the variance of the velocity before it, over that after it, less one.
+    """
     for j in range(LANES):
         xx, xv, xz, xw = s[4, j], s[5, j], s[6, j], s[7, j]
         part = 1.0 / (xx + c[10, j])
@@ -209,7 +214,8 @@ def _advance(
 ) -> None:
     """One step of all lanes under the torque `push` (N m), which moves as `push + lift` does: x' = T x, P' = T P T^T + Q.
 
-    unknown: variance of an acceleration that lasts for this step alone, (rad/s^2)^2. ends: what `_halves` found.
+    unknown: variance of an acceleration that lasts for this step alone, (rad/s^2)^2. ends: what `_halves` found. learnt: of the
+    velocity, by the last sample (`_update`), period (s) before the next.
     Rows: x v z w, xx xv xz xw vv vz vw zz zw ww, d, xd vd zd wd dd.
     """
     half = 0.5 * dt * dt

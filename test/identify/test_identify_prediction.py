@@ -89,6 +89,15 @@ def measured(
     return state + gain * error, spread - np.outer(gain, spread[0]), error, variance
 
 
+def by_chance(state: np.ndarray, after: np.ndarray, deviation: float, p: np.ndarray) -> float:
+    """Variance of what a bristle moves in a step, beside what goes with the velocity, times 1/s of how soon that is over."""
+    v, z = 0.5 * (state[1] + after[1]), 0.5 * (state[2] + after[2])
+    mean, sign = folded(v, deviation), math.erf(v / (math.sqrt(2.0) * deviation))
+    forget = p[3] * mean / level(v, p)
+    slip = z * -np.expm1(-forget * DT) / (mean * DT)
+    return float(2.0 * DT * slip**2 * (v**2 + deviation**2 * (1.0 - sign**2) - mean**2))
+
+
 def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same filter with matrices and numerical derivatives, one sample at a time."""
     offset, rate, size, encoder, drift, missed = p[7:13]
@@ -112,19 +121,15 @@ def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.nd
         after = torque[min(k + 1, len(torque) - 1)]
         push = (1.0 - share) * after + share * torque[k] - offset
 
-        def step(x: np.ndarray, push: float = push) -> np.ndarray:
+        def step(x: np.ndarray, push: float = push, deviation: float = deviation) -> np.ndarray:
             return after_step(x, push, p, deviation)
 
         scale = np.array([1e-8, 1e-9, 1e-9, 1e-8, 1e-8])
         turn = np.column_stack([(step(state + d) - step(state - d)) / (2 * d.sum()) for d in np.diag(scale)])
         driven = (step(state, push + 1.0) - step(state, push - 1.0)) / 2.0
         slip = (after_step(state, push, p, deviation, 1e-9) - step(state)) / 1e-9
-        z, v = state[2], 0.5 * (state[1] + step(state)[1])
+        slips = by_chance(state, step(state), deviation, p) / min(known_for + learnt / DT, 2.0 / DT)
         state = step(state)
-        mean = folded(v, deviation)
-        chance = v**2 + deviation**2 * (1.0 - math.erf(v / (math.sqrt(2.0) * deviation)) ** 2) - mean**2
-        pull = p[3] / level(v, p) * 0.5 * (z + state[2]) * -np.expm1(-p[3] * mean * DT / level(v, p)) / (p[3] * mean * DT / level(v, p))
-        slips = 2.0 * DT * pull**2 * chance / min(known_for + learnt / DT, 2.0 / DT)
         spread = turn @ spread @ turn.T + noise + (missed * ROUGH) ** 2 * np.outer(driven, driven) + slips * np.outer(slip, slip)
     return np.array(errors), np.array(variances)
 
@@ -370,9 +375,7 @@ def forced(
     )
     errors, variances = [], []
     for k in range(len(position)):
-        before = spread[1, 1]
         state, spread, error, variance = measured(state, spread, position[k], encoder)
-        deviation, learnt = math.sqrt(spread[1, 1]), before / spread[1, 1] - 1.0
         errors.append(error)
         variances.append(variance)
         if k == len(push):
