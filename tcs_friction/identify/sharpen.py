@@ -209,7 +209,7 @@ def _fitted(found: Sharpened, loss: str, torques: Torques, cancel: Callable[[], 
         fit = _refined(predictor, start, space, loss, cancel)
         moved, start = _moved(fit, start, space), fit.unknowns
         found = Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor)
-        if torques.hopeless(found):
+        if number and torques.hopeless(found):  # the first has the noise of another law
             return replace(found, hopeless=True)
         exact, level = predictor.finer(start), math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
         if cancel() or (moved < SETTLED and number and exact is predictor and LEVEL[0] < level < LEVEL[1]):

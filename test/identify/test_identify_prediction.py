@@ -19,9 +19,11 @@ from tcs_friction.identify.identification import identify
 from tcs_friction.identify.prediction import FINEST, ForcedPredictor
 from tcs_friction.identify.prediction_kernel import LANES, SLOW, predict
 from tcs_friction.identify.problem import pose, settled
-from tcs_friction.identify.sharpen import Sharpened, widened
+from tcs_friction.identify.sharpen import WHITE, Sharpened, widened
 from tcs_friction.identify.start import space_of
+from tcs_friction.physics.axis import Drive, Sensors
 from tcs_friction.physics.registry import effect
+from tcs_friction.physics.simulate import Simulator
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
 
@@ -187,6 +189,28 @@ def followed(torque: np.ndarray, late: float, parts: int) -> np.ndarray:
         x += h * v + h * h / 6.0 * (a1 + a2 + a3)
         v, z = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4), z + h / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
     return np.array(found)
+
+
+def test_noise_lets_an_axis_at_rest_slip() -> None:
+    """Predictions of a dwell are white; with |v| at the mean velocity, which is none, their power was 300."""
+    step, noise, bandwidth, encoder, count = 10.0 * DT, 1.0, 8.0, 3e-6, 8000
+    axis = replace(axis_of(), drive=Drive(noise=noise, noise_bandwidth=bandwidth), sensors=Sensors(noise=encoder))
+    simulator = Simulator(axis, step, substeps=20, seed=2)
+    torque = np.where(np.arange(count) < 30, 300.0, 70.0)  # a push, and then less than Coulomb friction
+    position = np.empty(count)
+    for k, value in enumerate(torque.tolist()):
+        simulator.step(value)
+        position[k] = simulator.measured_position
+    candidate = np.array([*LUGRE.values(), INERTIA, 0.0, 2.0 * math.pi * bandwidth, noise / INERTIA, encoder, 1e-12, 0.0, 1.0])
+    parts, last, out = 4, count - 1, np.empty((2, 1, count))
+    firsts, steps = np.append(np.arange(count), last) * parts, np.full(last * parts, step / parts)
+    push, row = np.repeat(torque[1:], parts)[None], np.zeros(1, np.int64)
+    predict(position, np.array([0, count]), firsts, steps, push, push, np.zeros(len(steps)), row, candidate[None], *out)
+    rest = slice(count // 4, None)
+    errors = (out[0, 0] / np.sqrt(out[1, 0]))[rest]
+    assert np.ptp(position[rest]) > 100.0 * encoder, "it slips"
+    assert np.mean(errors**2) == pytest.approx(1.0, abs=0.1)
+    assert abs(np.mean(errors[1:] * errors[:-1])) < WHITE / math.sqrt(len(errors))
 
 
 def test_finer_steps_of_a_walk_come_near_to_the_motion() -> None:
