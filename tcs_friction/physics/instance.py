@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import count
 from types import MappingProxyType
 
@@ -85,7 +85,7 @@ class Instance:
     def replace(self, **values: float) -> Instance:
         """The same instance with some values changed."""
         changed = instance(self.term, {**self.values, **values}, signal=self.signal, table=self.table)
-        return replace(changed, identity=self.identity)
+        return Instance(self.term, changed.values, self.signal, self.table, self.identity)
 
     def again(self) -> Instance:
         """Another effect with the same values."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,6 +71,9 @@ from tcs_friction.physics.terms import (
 ) = range(11)
 
 
+PLACES = tuple(Place)
+
+
 class Machine(NamedTuple):
     """An axis as the compiled loops want it. Arrays are live: `states`, `body` and `motion` change as it runs."""
 
@@ -99,7 +103,7 @@ def build(
     """
     terms = axis.terms if terms is None else terms
     kernels = addresses([item.term.kernel for item in terms])
-    ends = np.cumsum([sum(item.term.place is place for item in terms) for place in Place])
+    places = [item.term.place for item in terms]
     packed = [item.packed(signals) for item in terms]
     sizes = [item.term.state_size(item.values, dt) for item in terms]
     period = dt * substeps
@@ -128,19 +132,17 @@ def build(
         20.0,
     )
     body = np.zeros(10)
-    body[[TRUE_POSITION, MEASURED, LAST_MIDDLE]] = position
-    for item, values in zip(terms, packed, strict=True):
+    body[TRUE_POSITION] = body[MEASURED] = body[LAST_MIDDLE] = position
+    for item, values, size in zip(terms, packed, sizes, strict=True):
         if item.term.place is Place.SENSOR:
-            body[MEASURED] += item.term.kernel(
-                motion, values, np.zeros(item.term.state_size(item.values, dt)), dt
-            )
+            body[MEASURED] += item.term.kernel(motion, values, np.zeros(size), dt)
     return Machine(
         kernels,
-        ends.astype(np.int64),
+        np.array([*accumulate(places.count(place) for place in PLACES)], np.int64),
         np.concatenate([*packed, np.zeros(0)]),
-        np.concatenate([[0], np.cumsum([len(p) for p in packed])]).astype(np.int64),
+        np.array([0, *accumulate(len(p) for p in packed)], np.int64),
         np.zeros(sum(sizes)),
-        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        np.array([0, *accumulate(sizes)], np.int64),
         motion,
         body,
         constants,

@@ -143,7 +143,7 @@ def gone(numbers: list[int]) -> bool:
 
 
 def test_a_run_that_is_killed_or_interrupted_goes_on_where_it_was(client: Client, fleet: Path) -> None:
-    for number in range(6, 16):  # so that it is not over before it is killed
+    for number in range(6, 11):  # so that it is not over before it is killed
         shutil.copytree(fleet / "bags/bag0", fleet / f"bags/bag{number}")
         with (fleet / f"bags/bag{number}/bag0_0.mcap").open("ab") as file:
             file.write(bytes(number))
@@ -165,7 +165,7 @@ def test_a_run_that_is_killed_or_interrupted_goes_on_where_it_was(client: Client
     assert not [name for name in kept if name.endswith(".part")]
     summary = run(client, fleet)
     assert summary.before == len(kept)
-    assert summary.now == 17 - len(kept) > 0
+    assert summary.now == 12 - len(kept) > 0
     run(client, fleet, out="whole")
     assert files(fleet / "whole") == files(fleet / "out")
 

@@ -300,16 +300,13 @@ def test_laws_are_compared_on_held_out_data() -> None:
     assert held_out == sorted(held_out)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_law_with_many_valleys_is_searched_until_its_best_is_found_twice(
-    seed: int, shared_data: Path
-) -> None:
-    """One search ends at 2.0 N m on seed 1; once the drop is given up, so does the fit that starts from its Coulomb torque."""
+def test_a_law_with_many_valleys_is_searched_until_its_best_is_found_twice(shared_data: Path) -> None:
+    """One search ends at 2.0 N m on this seed; once the drop is given up, so does the fit that starts from its Coulomb torque."""
     folder = shared_data / "data" / "bam_lift_and_drop_kp800"
     file = load_axis(folder / "axis.yaml")
     assert file.signals is not None
     found = identify(
-        read_recordings([folder / "recording"], file.signals), file.axis, law="maxwell_slip", seed=seed
+        read_recordings([folder / "recording"], file.signals), file.axis, law="maxwell_slip", seed=1
     )
     assert found.rmse.train < 0.65
 

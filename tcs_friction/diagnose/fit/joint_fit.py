@@ -262,5 +262,5 @@ class _WhitenedResidual:
 
     def blocked(self, point: Axis, gradient: np.ndarray) -> np.ndarray:
         """(k,) Which numbers stay: held ones, and those at a bound that going downhill would leave."""
-        reached = [bound_reached(point, self.free, k) for k in range(len(self.free))]
+        reached = [not held and bound_reached(point, self.free, k) for k, held in enumerate(self.held)]
         return np.asarray(self.held | (np.array(reached, int) * gradient < 0.0))

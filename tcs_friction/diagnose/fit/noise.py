@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import fft, ndimage
@@ -157,15 +158,17 @@ class NoiseModel:
 
         `drive_only`: weighted by the share of the noise that does not come from the encoder.
         """
-        rows = self.samples.rows
-        filtered = (self.drive_whitening if drive_only else self.whitening).apply(x, self.samples)[rows]
-        local = np.sqrt(self.local_weight[rows])
-        return filtered * (local if x.ndim == 1 else local[:, None])
+        filtered = (self.drive_whitening if drive_only else self.whitening).apply(x, self.samples)[self.samples.rows]
+        return filtered * (self._local if x.ndim == 1 else self._local[:, None])
 
     def unwhiten(self, white: np.ndarray) -> np.ndarray:
         """The adjoint of `whiten`: the (n,) series whose scalar product with any x is that of `white` (m,) with whitened x."""
-        weighted = white * np.sqrt(self.local_weight[self.samples.rows])
-        return self.whitening.apply(self.on_all_samples(weighted), self.samples)
+        return self.whitening.apply(self.on_all_samples(white * self._local), self.samples)
+
+    @cached_property
+    def _local(self) -> np.ndarray:
+        """What the local weight makes of the rows (m,)."""
+        return np.sqrt(self.local_weight[self.samples.rows])
 
     def spectrum(self, residual: np.ndarray) -> np.ndarray:
         """Whitened squares of a residual (n,) on the rows, at each of `samples.frequencies`."""

@@ -130,64 +130,72 @@ def read_numbers(axis: Axis, free: Sequence[FreeNumber]) -> np.ndarray:
 
 def _read(axis: Axis, number: FreeNumber) -> float:
     if number.part is Part.INERTIA:
-        value = axis.inertia
-    elif number.part is Part.ALIGNMENT:
-        value = axis.lateness
-    else:
-        item = axis.friction if number.part is Part.FRICTION else number.item(axis)
-        assert item is not None
-        value = item.values[number.name]
-        if number.form is Form.COSINE:
-            return value * math.cos(item.values[number.phase])
-        if number.form is Form.SINE:
-            return value * math.sin(item.values[number.phase])
+        return _as_number(number, {number.name: axis.inertia})
+    if number.part is Part.ALIGNMENT:
+        return _as_number(number, {number.name: axis.lateness})
+    item = axis.friction if number.part is Part.FRICTION else number.item(axis)
+    assert item is not None
+    return _as_number(number, item.values)
+
+
+def _as_number(number: FreeNumber, values: Mapping[str, float]) -> float:
+    """A free number from the values of what it belongs to."""
+    value = values[number.name]
+    if number.form is Form.COSINE:
+        return value * math.cos(values[number.phase])
+    if number.form is Form.SINE:
+        return value * math.sin(values[number.phase])
     return math.log(max(value, SMALLEST)) if number.form is Form.LOGARITHM else value
 
 
 def with_numbers(axis: Axis, free: Sequence[FreeNumber], numbers: np.ndarray) -> Axis:
     """The axis with those free numbers (k,), each kept within its declared bounds."""
-    inertia, late = axis.inertia, axis.lateness
+    own = {"inertia": axis.inertia, "lateness": axis.lateness}
     law: dict[str, float] = {}
     effects: dict[int, dict[str, float]] = {}
     cosine = 0.0
-    for own, number in zip(free, numbers, strict=True):
-        value = float(number)
-        if own.form is Form.LOGARITHM:
-            value = math.exp(min(max(value, -LARGEST_LOGARITHM), LARGEST_LOGARITHM))
-        if own.part is Part.INERTIA:
-            inertia = min(max(value, own.bounds[0]), own.bounds[1])
-        elif own.part is Part.ALIGNMENT:
-            late = min(max(value, own.bounds[0]), own.bounds[1])
-        elif own.part is Part.FRICTION:
-            law[own.name] = value
-        elif own.effect is not None:
-            values = effects.setdefault(own.effect, {})
-            if own.form is Form.COSINE:
-                cosine = value
-            elif own.form is Form.SINE:
-                values[own.name] = math.hypot(cosine, value)
-                values[own.phase] = math.atan2(value, cosine) % (2.0 * math.pi)
-            else:
-                values[own.name] = value
+    for number, value in zip(free, numbers, strict=True):
+        if number.form is Form.COSINE:
+            cosine = float(value)
+        elif number.effect is not None:
+            effects.setdefault(number.effect, {}).update(_values(number, float(value), cosine))
+        else:
+            (law if number.part is Part.FRICTION else own).update(_values(number, float(value)))
     items = tuple(_with_values(item, effects.get(item.identity, {})) for item in axis.effects)
     friction = _with_values(axis.friction, law)
-    return replace(axis, inertia=inertia, lateness=late, friction=friction, effects=items)
+    return replace(axis, inertia=own["inertia"], lateness=own["lateness"], friction=friction, effects=items)
+
+
+def _values(number: FreeNumber, value: float, cosine: float = 0.0) -> dict[str, float]:
+    """The parameters that a number stands for; `cosine`: the number before that of a sine."""
+    if number.form is Form.SINE:
+        return {number.name: math.hypot(cosine, value), number.phase: math.atan2(value, cosine) % (2.0 * math.pi)}
+    if number.form is Form.LOGARITHM:
+        value = math.exp(min(max(value, -LARGEST_LOGARITHM), LARGEST_LOGARITHM))
+    return {number.name: min(max(value, number.bounds[0]), number.bounds[1])}
 
 
 def _with_values(item: Instance, values: Mapping[str, float]) -> Instance:
     """The term with some values changed, as far as its bounds allow."""
-    if not values:
-        return item
+    return item.replace(**_within_bounds(item, values)) if values else item
+
+
+def _within_bounds(item: Instance, values: Mapping[str, float]) -> dict[str, float]:
     declared = {name: item.term.parameter(name) for name in values}
-    return item.replace(**{name: min(max(v, declared[name].lower), declared[name].upper) for name, v in values.items()})
+    return {name: min(max(v, declared[name].lower), declared[name].upper) for name, v in values.items()}
 
 
 def bound_reached(axis: Axis, free: Sequence[FreeNumber], k: int) -> int:
     """Whether number k cannot grow (1), cannot shrink (-1) or can do both (0)."""
     own, place = _with_its_pair(free, k)
-    number = read_numbers(axis, own)[place]
+    numbers = read_numbers(axis, own)
+    item = axis.friction if free[k].part is Part.FRICTION else free[k].item(axis)
     for sign in (1, -1):
-        if not sign * (read_numbers(moved(axis, free, k, sign * free[k].step), own)[place] - number) > 0.0:
+        asked = numbers.copy()
+        asked[place] += sign * free[k].step
+        values = _values(own[-1], float(asked[-1]), float(asked[0]))
+        kept = values if item is None else _within_bounds(item, values)
+        if not sign * (_as_number(free[k], kept) - numbers[place]) > 0.0:
             return sign
     return 0
 
