@@ -22,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,14 +31,14 @@ import numpy as np
 
 from benchmarks.children import begun, ended_with_this
 from benchmarks.concealed_baselines import baselines
-from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, world_of
+from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, own_trial, world_of
 from benchmarks.concealed_effects import OUTSIDE
 from benchmarks.concealed_kinds import ALL, DRAWN, KINDS, OWN, Task, save, tasks_of
 from benchmarks.concealed_kinds import solve as solve_task
 from benchmarks.concealed_limits import limit_rows, limits_of
 from benchmarks.concealed_report import reliability_rows, row, summary, write_report
 from benchmarks.concealed_score import Judged, judge
-from benchmarks.trials import Trial, save_trial
+from benchmarks.trials import save_trial
 from benchmarks.worlds import World
 from tcs_friction.commands.parser import positive
 from tcs_friction.diagnose.parallel import cores
@@ -170,14 +170,7 @@ def save_world(work: Case | Task, folder: Path) -> int:
     if isinstance(work, Task):
         save(work, folder)
         return 1
-    world = world_of(work)
-    concealed = ", ".join(world.truth.effects) or "nothing"
-    details = asdict(world.truth)
-    del details["effects"], details["noise_floor"]
-    trial = Trial(
-        work.name, world.recording, world.believed, expected_of(world), f"concealed: {concealed}", details
-    )
-    save_trial(trial, folder / OWN / work.name)
+    save_trial(own_trial(work), folder / OWN / work.name)
     return 1
 
 

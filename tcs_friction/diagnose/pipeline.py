@@ -76,6 +76,20 @@ def diagnose(
     Raises InputError when the recordings cannot carry a torque balance.
     """
     progress = _never_back(progress)
+    balance, explanation = explain(recordings, file, progress)
+    progress(0.92, "proving on held-out data")
+    return conclude(balance, file, explanation, tolerance)
+
+
+def explain(
+    recordings: Sequence[Recording],
+    file: AxisFile,
+    progress: Progress = lambda share, stage: None,  # noqa: ARG005 names are the interface
+) -> Explained:
+    """All of a diagnosis before held-out data are looked at: what explains the recordings, and the balance that says so.
+
+    Raises InputError when the recordings cannot carry a torque balance.
+    """
     progress(0.02, "conditioning the recording")
     data = _prepared(recordings, file.axis, None)
     check_units(data, file.axis)
@@ -87,12 +101,7 @@ def diagnose(
     balance, retuned = as_timed(balance, retuned, prepared)
     late = out_of_step(balance, retuned, prepared)
     explained = _explained(recordings, file.axis, balance, retuned, progress)
-    if late is not None:
-        explained = _likelier(explained, _explained(recordings, file.axis, *late, progress))
-
-    progress(0.92, "proving on held-out data")
-    balance, explanation = explained
-    return conclude(balance, file, explanation, tolerance)
+    return explained if late is None else _likelier(explained, _explained(recordings, file.axis, *late, progress))
 
 
 def _prepared(recordings: Sequence[Recording], believed: Axis, timings: Sequence[LogTiming] | None) -> DataSet:

@@ -1,7 +1,8 @@
 """Every rule that may refuse a name: what it asks, why, and where that is from.
 
 An effect that explains torque is named if no rule refuses it. A rule that does hands its numbers on: what is described says why.
-`without` leaves rules out, so that a benchmark can tell which worlds need them (`./tcs bench concealed --without RULE`).
+`without` leaves rules out and `ledger` tells which of a search's rules decided something, so that a benchmark can tell which
+worlds need them (`./tcs bench concealed --without RULE`, `./tcs bench ablation`).
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ class Rule:
         """Whether it is asked at all."""
         return self.name not in _left_out
 
+    def decides(self) -> None:
+        """Note that it refused something that would have been taken, or may have been."""
+        for noted in _ledgers:
+            noted.add(self.name)
+
 
 @dataclass(frozen=True)
 class Refusal:
@@ -68,6 +74,21 @@ class Refused:
 
 
 _left_out: set[str] = set()
+_ledgers: list[set[str]] = []
+
+
+@contextmanager
+def ledger() -> Iterator[set[str]]:
+    """Names of the rules that decide something in a search meanwhile, in the whole process.
+
+    Those of finished fits say it themselves (`Found.refused`).
+    """
+    noted: set[str] = set()
+    _ledgers.append(noted)
+    try:
+        yield noted
+    finally:
+        _ledgers.remove(noted)
 
 
 @contextmanager
@@ -135,4 +156,6 @@ RULES = (
     MOVES, MAP_INSTEAD, SPECTRUM, ALIGNMENT, SAMPLING, TWICE, WARNED, TOO_SMALL, TOO_LARGE, QUANTISATION, AT_BOUND, SIDE_LINE,
     COLLISIONS, NOT_WHOLE, DRIVEN, STEADY, SUMMED, IMPLAUSIBLE, NOT_RESOLVED,
 )  # fmt: skip
-"""All of them: those of finished fits, then those of a search's candidates."""
+"""All of them: those of finished fits, then those of a search."""
+OF_SEARCH = RULES[RULES.index(MAP_INSTEAD) :]
+"""Those that a search asks; the others are asked of finished fits."""

@@ -65,14 +65,25 @@ class Doubt(enum.Enum):
         return self.value.asked
 
 
-def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
-    """Why an effect of a fit cannot be what it says; `base`: the axis that it was searched on."""
-    return next((one for one in _doubts(balance, fit, item, base) if one.asked), None)
+def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis, decides: bool = True) -> Doubt | None:
+    """Why an effect of a fit cannot be what it says.
+
+    base: the axis that it was searched on. decides: whether the answer may change anything; only then is it in the ledger.
+    """
+    return _first(_doubts(balance, fit, item, base), decides)
 
 
 def doubtful_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
     """Why an effect's size or values cannot be."""
-    return next((one for one in _doubts_of_size(balance, fit, item) if one.asked), None)
+    return _first(_doubts_of_size(balance, fit, item))
+
+
+def _first(doubts: Iterator[Doubt], decides: bool = True) -> Doubt | None:
+    """The first of the doubts whose rule is asked, which is noted if it decides something."""
+    found = next((one for one in doubts if one.asked), None)
+    if found is not None and decides:
+        found.value.decides()
+    return found
 
 
 def _doubts(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Iterator[Doubt]:
