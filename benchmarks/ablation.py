@@ -1,9 +1,9 @@
-"""What each rule of the diagnosis is needed for: worlds diagnosed with all rules, then again without each that decided in them.
+"""What each rule of the diagnosis is needed for: worlds as they are, then without each rule that decided in them.
 
     ./tcs bench ablation -o DIR --minutes 60
     ./tcs bench ablation -o DIR --minutes 0 --table docs/diagnosis.md
 
-Worlds of all kinds are drawn in turn, endlessly, the recorded ones first. A world's result is a file of its own in DIR, and a
+Worlds of all kinds are drawn in turn, recorded ones once. The result of each is a file of its own in DIR, and a
 world that has one is not made again: the command goes on where it was ended. A rule that is asked of finished fits is left out of
 the conclusions alone, and only where it is the only one to refuse some name; one of the search where the ledger says that it
 decided something. Where no rule decided, nothing could change.
@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this benchmark."""
     kinds = [OWN, *KINDS]
     parser.add_argument("--seed", type=int, default=0, help="of the first worlds (default 0)")
-    parser.add_argument("--kinds", nargs="*", choices=kinds, default=DRAWN, help="kinds of worlds (default all that are drawn)")
+    parser.add_argument("--kinds", nargs="*", choices=kinds, default=["real", *DRAWN], help="kinds of worlds")
+    parser.add_argument("--stretch", type=float, default=1.0, help="length of the own worlds' recordings; 1 is about 340 s")
     parser.add_argument("--minutes", type=float, default=60.0, help="after which no further world is begun (default 60)")
     parser.add_argument("--count", type=positive, help="worlds after which none is begun, those with a result among them")
     parser.add_argument("-o", "--output", type=output_directory, required=True, metavar="DIR", help="where results are kept")
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Worlds until the time is over, then what all results in the folder say of each rule."""
     end = time.monotonic() + 60.0 * arguments.minutes
-    for done, (kind, seed, work) in enumerate(_worlds(arguments.kinds, arguments.seed)):
+    for done, (kind, seed, work) in enumerate(_worlds(arguments.kinds, arguments.seed, arguments.stretch)):
         if time.monotonic() >= end or (arguments.count is not None and done >= arguments.count):
             break
         place = arguments.output / kind / f"{work.name}-{seed}.json"
@@ -68,18 +69,23 @@ def run(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     return found
 
 
-def _worlds(kinds: Sequence[str], seed: int) -> Iterator[tuple[str, int, Case | Task]]:
-    """Kind, seed and world, one of each kind in turn; recorded worlds once and before the others."""
-    for kind in (kind for kind in kinds if kind in KINDS and KINDS[kind].recorded is not None):
-        yield from ((kind, 0, task) for task in tasks_of(kind, 0, None))
-    drawn = [kind for kind in kinds if kind == OWN or KINDS[kind].recorded is None]
-    yield from itertools.chain.from_iterable(zip(*(_endless(kind, seed) for kind in drawn), strict=True)) if drawn else ()
+def _worlds(kinds: Sequence[str], seed: int, stretch: float) -> Iterator[tuple[str, int, Case | Task]]:
+    """Kind, seed and world, one of each kind in turn; recorded worlds once each."""
+    turns = [_of_kind(kind, seed, stretch) for kind in kinds]
+    while turns:
+        for turn in list(turns):
+            world = next(turn, None)
+            if world is None:
+                turns.remove(turn)
+            else:
+                yield world
 
 
-def _endless(kind: str, seed: int) -> Iterator[tuple[str, int, Case | Task]]:
+def _of_kind(kind: str, seed: int, stretch: float) -> Iterator[tuple[str, int, Case | Task]]:
     """All worlds of a kind and a seed in random order, then those of the next."""
-    for number in itertools.count(seed):
-        works = draw_cases(number, 1, 1.0) if kind == OWN else tasks_of(kind, number, None)
+    recorded = kind in KINDS and KINDS[kind].recorded is not None
+    for number in [0] if recorded else itertools.count(seed):
+        works = draw_cases(number, 1, stretch) if kind == OWN else tasks_of(kind, number, None)
         for k in np.random.default_rng([number, len(works)]).permutation(len(works)):
             yield kind, number, works[k]
 

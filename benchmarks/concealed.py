@@ -5,10 +5,10 @@ false alarms where nothing is concealed, `unexplained` where the effect is outsi
 residual over the noise floor, time. Beside it two baselines on the same worlds, and, with --limits, the size at which each
 effect is found in half of all recordings beside that of an oracle (concealed_oracle.py).
 
-`--worlds` asks for other kinds: on MuJoCo, with misspecified bases, with other friction laws (mujoco_worlds.py,
-misspecified_worlds.py, law_worlds.py), and the recordings that came with the project (practice_worlds.py). Every kind is judged
-by one function (concealed_score.py). `--save` writes worlds for `./tcs diagnose`, `-o` a report with the reliability of the
-stated probabilities.
+`--worlds` asks for other kinds: on MuJoCo, with misspecified bases, with other friction laws, with torques as drives
+log them (mujoco_worlds.py, misspecified_worlds.py, law_worlds.py, logged_worlds.py), and recordings: of other simulators
+(practice_worlds.py) and of real machines (real_worlds.py). Every kind is judged by one function (concealed_score.py).
+`--save` writes worlds for `./tcs diagnose`, `-o` a report with the reliability of the stated probabilities.
 """
 
 from __future__ import annotations

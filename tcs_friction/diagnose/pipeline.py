@@ -9,7 +9,8 @@
     outcome    judges on held-out data, draws conclusions
 
 Each stage takes and returns frozen records and knows nothing of the later ones. The search asks the remainder once an effect
-or two are found whether to go on makes sense; held-out data are first looked at in the outcome.
+or two are found whether to go on makes sense; held-out data are first looked at in the outcome, and untouched ones when that has
+decided.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ def explain(
 def _prepared(recordings: Sequence[Recording], believed: Axis, timings: Sequence[LogTiming] | None) -> DataSet:
     """The data set of a believed axis, with timings of the torque; None: as the recordings have it."""
     memory, at_rest = FORGOTTEN * believed.bristle, not believed.friction.term.without_memory
-    return prepare(recordings, memory=memory, at_rest=at_rest, timings=timings)
+    return prepare(recordings, memory=memory, at_rest=at_rest, timings=timings, untouched=True)
 
 
 def _explained(
@@ -179,7 +180,7 @@ def _unless_contradicted_at_rest(
     if retuned.axis.friction.term.without_memory:
         return balance, retuned, retuned
     try:
-        moving = prepare(recordings, at_rest=False, timings=balance.data.timings)
+        moving = prepare(recordings, at_rest=False, timings=balance.data.timings, untouched=True)
     except InputError:  # the axis hardly moves: too few samples are left to ask
         return balance, retuned, retuned
     other = TorqueBalance(moving)

@@ -146,6 +146,7 @@ SIDE_LINE = Rule("side_line", Family.LARGE, "Is it more than the changing amplit
 COLLISIONS = Rule("collisions", Family.SAME, "Can collisions not look like it?", "worlds with a backlash")
 NOT_WHOLE = Rule("not_whole", Family.MOTION, "Does its order close with the turn?", "geometry")
 DRIVEN = Rule("driven", Family.SAME, "Is its frequency no line of motion and logged torque?", "Astrom and Murray 2008, 12.2")
+ENERGY = Rule("energy", Family.MOTION, "Does friction with it take energy at every speed?", "second law of thermodynamics")
 STEADY = Rule("steady", Family.SAME, "Does the axis move so unevenly that no wave over its position looks alike?", "phases")
 SUMMED = Rule("summed", Family.SAME, "Do others not cancel it?", "Belsley, Kuh and Welsch 1980, 3.2")
 IMPLAUSIBLE = Rule("implausible", Family.MOTION, "Can it be told in such a motion?", "each effect's own file")
@@ -154,7 +155,7 @@ NOT_RESOLVED = Rule("not_resolved", Family.MOTION, "Can the recording show it wi
 RULES = (
     BEYOND_CHANCE, COMES_BACK, LEFT, PREDICTS, SIZE_TOLD, ECHO, CANCELLED, SIGNAL_MEAN, OUTSHONE, ALL_PREDICT, BELIEVED_BEST,
     MOVES, MAP_INSTEAD, SPECTRUM, ALIGNMENT, SAMPLING, TWICE, WARNED, TOO_SMALL, TOO_LARGE, QUANTISATION, AT_BOUND, SIDE_LINE,
-    COLLISIONS, NOT_WHOLE, DRIVEN, STEADY, SUMMED, IMPLAUSIBLE, NOT_RESOLVED,
+    COLLISIONS, NOT_WHOLE, DRIVEN, ENERGY, STEADY, SUMMED, IMPLAUSIBLE, NOT_RESOLVED,
 )  # fmt: skip
 """All of them: those of finished fits, then those of a search."""
 OF_SEARCH = RULES[RULES.index(MAP_INSTEAD) :]

@@ -18,6 +18,7 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.search.matched_filter import FEWEST_PERIODS, ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import chance
+from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.terms import Instance, Parameter, Place, Role, Survey
 
@@ -36,6 +37,8 @@ AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
 TINY = 1e-300  # s, instead of no lag
+OVER_SPEED = ("velocity", "direction")  # coordinates of friction over the speed
+SPEEDS = 24  # parts of the moving samples, in order of velocity, over each of which friction takes energy
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -54,6 +57,7 @@ class Doubt(enum.Enum):
     COLLISIONS = rules.COLLISIONS
     NOT_WHOLE = rules.NOT_WHOLE
     DRIVEN = rules.DRIVEN
+    ENERGY = rules.ENERGY
     STEADY = rules.STEADY
     CANCELLED = rules.SUMMED
     IMPLAUSIBLE = rules.IMPLAUSIBLE
@@ -127,8 +131,27 @@ def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis
         yield Doubt.DRIVEN
     if item.term.periodic == "time" and _steady(balance, fit.axis, item):
         yield Doubt.STEADY
+    if item.term.coordinate in OVER_SPEED and _feeds_energy(balance, fit, item):
+        yield Doubt.ENERGY
     if _cancelled(balance, fit, item):
         yield Doubt.CANCELLED
+
+
+def _feeds_energy(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
+    """Whether friction with this effect feeds energy into the axis at some of the velocities that were seen, which none does.
+
+    A drag of negative sign may bend a law's friction down, as far as that is larger. Bristles give energy back at a reversal: the
+    mean power over neighbouring velocities counts, where the axis surely moves.
+    """
+    data = balance.data
+    over_speed = [one for one in fit.axis.effects if one.term.place is Place.OPPOSING and one.term.coordinate in OVER_SPEED]
+    own = own_torque(balance, fit, item)
+    opposing = balance.terms.friction(fit.axis) + sum(own_torque(balance, fit, one) for one in over_speed)
+    rows = np.flatnonzero(balance.train & data.moving())
+    velocity = data.joined("velocity")
+    parts = np.array_split(rows[np.argsort(velocity[rows])], SPEEDS)
+    powers = [(float(np.mean(x[k] * velocity[k])) for x in (opposing, own)) for k in parts if len(k)]
+    return any(together < 0.0 and alone < 0.0 for together, alone in powers)
 
 
 def _doubts_of_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Iterator[Doubt]:
@@ -176,11 +199,13 @@ def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
 def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     """Whether the logged torque has a line at a vibration's frequency beyond any answer to the vibration.
 
-    The line is then the motion's own or friction's harmonic of it, and what a model of friction leaves there is no vibration.
+    The line is then the motion's own or friction's harmonic of it, and what a model of friction leaves there is no vibration. A
+    line of the motion is one of the torque: by the balance their sizes differ by no more than the vibration and friction's line.
     """
     data = balance.data
-    s = max(data.stretches, key=lambda stretch: len(stretch.t))
-    t, torque = s.t[:: data.stride], s.torque[:: data.stride]
+    longest = [(s, max(runs(~s.untouched), key=np.ptp)) for s in data.stretches]
+    s, (a, b) = max(longest, key=lambda one: np.ptp(one[1]))
+    t, torque = s.t[:: data.stride][a:b], s.torque[:: data.stride][a:b]
     window = np.hanning(len(t))
     series = window * (torque - np.mean(torque))
 
