@@ -146,7 +146,9 @@ SIDE_LINE = Rule("side_line", Family.LARGE, "Is it more than the changing amplit
 COLLISIONS = Rule("collisions", Family.SAME, "Can collisions not look like it?", "worlds with a backlash")
 NOT_WHOLE = Rule("not_whole", Family.MOTION, "Does its order close with the turn?", "geometry")
 DRIVEN = Rule("driven", Family.SAME, "Is its frequency no line of motion and logged torque?", "Astrom and Murray 2008, 12.2")
-ENERGY = Rule("energy", Family.MOTION, "Does friction with it take energy at every speed?", "second law of thermodynamics")
+ENERGY = Rule(
+    "energy", Family.MOTION, "Does friction with it take energy up to twice the fastest speed?", "second law of thermodynamics"
+)
 STEADY = Rule("steady", Family.SAME, "Does the axis move so unevenly that no wave over its position looks alike?", "phases")
 SUMMED = Rule("summed", Family.SAME, "Do others not cancel it?", "Belsley, Kuh and Welsch 1980, 3.2")
 IMPLAUSIBLE = Rule("implausible", Family.MOTION, "Can it be told in such a motion?", "each effect's own file")

@@ -9,6 +9,7 @@ import enum
 import itertools
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import chance
 from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.steady_friction import over_speed, steady
 from tcs_friction.physics.terms import Instance, Parameter, Place, Role, Survey
 
 LARGEST_TORQUE = 1.2  # of the logged torque's rms: an effect that is larger cancels against another one
@@ -37,8 +39,8 @@ AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
 TINY = 1e-300  # s, instead of no lag
-OVER_SPEED = ("velocity", "direction")  # coordinates of friction over the speed
-SPEEDS = 24  # parts of the moving samples, in order of velocity, over each of which friction takes energy
+BEYOND_SEEN = 2.0  # times the fastest speed seen: what a next experiment may ask for (outcome/experiment.py)
+SPEEDS = 24  # at which friction is asked whether it takes energy
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -131,27 +133,24 @@ def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis
         yield Doubt.DRIVEN
     if item.term.periodic == "time" and _steady(balance, fit.axis, item):
         yield Doubt.STEADY
-    if item.term.coordinate in OVER_SPEED and _feeds_energy(balance, fit, item):
+    if item in over_speed(fit.axis) and _feeds_energy(balance, fit.axis):
         yield Doubt.ENERGY
     if _cancelled(balance, fit, item):
         yield Doubt.CANCELLED
 
 
-def _feeds_energy(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
-    """Whether friction with this effect feeds energy into the axis at some of the velocities that were seen, which none does.
+def _feeds_energy(balance: TorqueBalance, axis: Axis) -> bool:
+    """Whether friction over the speed feeds energy into the axis at some speed that a motion may have, which no friction does.
 
-    A drag of negative sign may bend a law's friction down, as far as that is larger. Bristles give energy back at a reversal: the
-    mean power over neighbouring velocities counts, where the axis surely moves.
+    A drag of negative sign may bend a law's friction down, as far as that is larger. A simulation that comes to where it is not
+    runs away: looked at are speeds up to twice the fastest one that was seen, the most that a next motion is asked for.
     """
-    data = balance.data
-    over_speed = [one for one in fit.axis.effects if one.term.place is Place.OPPOSING and one.term.coordinate in OVER_SPEED]
-    own = own_torque(balance, fit, item)
-    opposing = balance.terms.friction(fit.axis) + sum(own_torque(balance, fit, one) for one in over_speed)
-    rows = np.flatnonzero(balance.train & data.moving())
-    velocity = data.joined("velocity")
-    parts = np.array_split(rows[np.argsort(velocity[rows])], SPEEDS)
-    powers = [(float(np.mean(x[k] * velocity[k])) for x in (opposing, own)) for k in parts if len(k)]
-    return any(together < 0.0 and alone < 0.0 for together, alone in powers)
+    velocity = balance.data.joined("velocity")
+    alone = replace(axis, effects=over_speed(axis))
+    fastest = BEYOND_SEEN * float(np.abs(velocity).max())
+    speeds = np.linspace(1.0 / SPEEDS, 1.0, SPEEDS) * fastest
+    ways = [way for way in (-1.0, 1.0) if (way * velocity > balance.data.speed_threshold).any()]
+    return any(bool((way * steady(alone, way * speeds) < 0.0).any()) for way in ways)
 
 
 def _doubts_of_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Iterator[Doubt]:
