@@ -77,7 +77,7 @@ def markdown(results: Sequence[Mapping[str, Any]]) -> str:
     told = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
     lines = [
         f"{len(results)} worlds ({told}), {right} diagnosed right. Counted are worlds in which a rule decided, and in which",
-        "one without it has a false name more, a wrong verdict instead of a right one, a true name more, or is better else.",
+        "one without it has a false name more, a wrong verdict instead of a right one, a true name more, or is better otherwise.",
         "",
         "| rule | question | decided | false name | verdict worse | true name | better | for example |",
         "|---|---|---|---|---|---|---|---|",
