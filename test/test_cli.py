@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import subprocess
 import sys
@@ -104,6 +105,16 @@ def test_help_and_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(name in page for name in cli.COMMANDS)
     assert cli.main([]) == 2
     assert capsys.readouterr().out == page
+
+
+def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in cli.COMMANDS:
+        module = importlib.import_module(f"tcs_friction.commands.{name}")
+        for words in [[name], *([name, second] for second in getattr(module, "SUBCOMMANDS", {}))]:
+            with pytest.raises(SystemExit) as ended:
+                cli.main([*words, "--help"])
+            assert ended.value.code == 0
+            assert capsys.readouterr().out.startswith(f"usage: tcs-friction {' '.join(words)}"), words
 
 
 @pytest.mark.parametrize(

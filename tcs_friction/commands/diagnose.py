@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = f"which joint of the recordings, by name or by number from 0 on; {EACH}; with a model of MuJoCo, joint of the model"
     parser.add_argument("--joint", type=name_word, default="", metavar="NAME", help=which)
     parser.add_argument("--seed", type=int, default=0, help="as of all commands; a diagnosis draws nothing (default 0)")
-    tolerance = "share of the friction, as 1% or 0.01, below which what remains is no verdict (default 0.1%%)"
+    tolerance = "share of the friction, as 1%% or 0.01, below which what remains is no verdict (default 0.1%%)"
     parser.add_argument("--tolerance", type=share_word, default=TOLERANCE, metavar="SHARE", help=tolerance)
     described = "write effects into axis.yaml that are described only, too, but for those that cancel each other"
     parser.add_argument("--with-described", action="store_true", help=described)

@@ -6,9 +6,11 @@ differ too, so a recording has one number for all of that:
     acts        s after its stamp at which a logged value begins to act, until the next begins to; negative: before its stamp
 
 A command that is logged when it is given has acts = 0 (`from_stamp`); a torque that is logged when its tick is over has minus
-one period (`up_to_stamp`). A momentary value of a torque that changes more often than it is logged is no hold: between samples it
-is nearest to a smooth line (`Between.LINE`), which passes through the logged value in the middle of the period that a hold would
-have.
+one period (`up_to_stamp`). Where stamps jitter, a value that is held up to its stamp begins at the stamp before, which is not one
+usual period earlier (`Between.HELD_UP_TO`); it begins later than that by as much as `acts` is more than minus one period.
+
+A momentary value of a torque that changes more often than it is logged is no hold: between samples it is nearest to a smooth line
+(`Between.LINE`), which passes through the logged value in the middle of the period that a hold would have.
 
 The mean of a held torque over any span follows from its integral, which is exact for any stamps, any `acts` and any clock:
 
@@ -30,6 +32,7 @@ from scipy.interpolate import Akima1DInterpolator, PPoly
 from scipy.ndimage import uniform_filter1d
 
 from tcs_friction.conditioning.filters import low_pass
+from tcs_friction.conditioning.sampling import even
 
 Array = NDArray[np.float64]
 
@@ -44,6 +47,7 @@ class Between(Enum):
     """What a torque does between logged values."""
 
     HELD = "held"
+    HELD_UP_TO = "held_up_to_stamp"
     LINE = "line"
 
 
@@ -63,9 +67,21 @@ class LoggedTorque:
     lost: Array | None = None
 
     @cached_property
+    def _begins(self) -> Array:
+        """(m,) s, when each value begins to act if `acts` is 0."""
+        if self.between is Between.HELD:
+            return self.t
+        return np.append(self.t[0], self.t[:-1] + self.period)
+
+    @property
+    def even(self) -> bool:
+        """Whether stamps are so even that it does not matter which of two a hold begins with."""
+        return even(self.t, 1.0 / self.period)
+
+    @cached_property
     def _held(self) -> tuple[Array, Array]:
         """I and L where each value begins to act (m,)."""
-        steps = np.diff(self.t)
+        steps = np.diff(self._begins)
         impulse = np.concatenate([[0.0], np.cumsum(self.values[:-1] * steps)])
         lever = np.cumsum(impulse[:-1] * steps + 0.5 * self.values[:-1] * steps**2)
         return impulse, np.concatenate([[0.0], lever])
@@ -78,10 +94,10 @@ class LoggedTorque:
 
     def integrals(self, at: Array, acts: float) -> tuple[Array, Array]:
         """I and L (k,) at times (k,), s, in N m s and N m s^2."""
-        if self.between is Between.HELD:
+        if self.between is not Between.LINE:
             impulse, lever = self._held
-            piece = np.maximum(np.searchsorted(self.t, at - acts, side="right") - 1, 0)
-            x, u = at - acts - self.t[piece], self.values[piece]
+            piece = np.maximum(np.searchsorted(self._begins, at - acts, side="right") - 1, 0)
+            x, u = at - acts - self._begins[piece], self.values[piece]
             return impulse[piece] + x * u, lever[piece] + x * (impulse[piece] + x * 0.5 * u)
         late = at - acts - 0.5 * self.period
         inside = np.clip(late, self.t[0], self.t[-1])
@@ -121,7 +137,7 @@ class LoggedTorque:
         """The same with another idea of what is between; a line passes through fresh values only."""
         if between is self.between:
             return self
-        if between is Between.HELD:
+        if between is not Between.LINE:
             return replace(self, between=between)
         kept = fresh(self.t, self.values)
         period = self.period if len(kept) == len(self.t) else float(np.median(np.diff(self.t[kept])))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -126,16 +127,28 @@ class Sharpened:
         return bool(abs(float(np.mean(errors[1:] * errors[:-1]))) < WHITE * power / np.sqrt(len(errors)))
 
 
+class Torques(Protocol):
+    """The fit of torques that predictions start from and must not contradict; left: what it leaves, N m rms."""
+
+    @property
+    def left(self) -> float: ...
+
+    def retimed(self, sharp: Sharpened) -> np.ndarray | None:
+        """Law, inertia, offset and lateness (k + 3,) of the torques at the timing of predictions; None where it is ruled out."""
+
+    def hopeless(self, sharp: Sharpened) -> bool:
+        """Whether predictions that are under way leave more of the torque: the law is another."""
+
+
 def sharpen(
-    fine: Fine, unknowns: np.ndarray, space: Space, residual: float, loss: str,
-    hopeless: Callable[[Sharpened], bool], cancel: Callable[[], bool],
+    fine: Fine, unknowns: np.ndarray, space: Space, torques: Torques, loss: str, cancel: Callable[[], bool]
 ) -> Sharpened | None:  # fmt: skip
     """Fit predictions, starting from a fit of torques; None where the recording is too coarse for them.
 
-    The law is held at first: a wrong timing would drive it off, into other minima where it has kinks. What `hopeless` says of
-    predictions under way ends their fit.
+    The law is that of the torques at first: a wrong timing would drive it off, into other minima where it has kinks. Predictions
+    that the torques rule out on their way go no further.
 
-    unknowns, space: law, inertia, offset and lateness (k + 3,); residual: rms of the fit before, N m.
+    unknowns, space: law, inertia, offset and lateness (k + 3,).
     """
     predictor = _predictor(fine, widened(space, fine), unknowns, COARSE)
     resolved = predictor.resolved(unknowns)
@@ -144,33 +157,49 @@ def sharpen(
         if clear is None or len(clear.samples) < MOSTLY * len(fine.samples):
             return None
         fine, predictor = clear, _predictor(clear, predictor.space, unknowns, COARSE)
-    size = max(residual, 1e-9 * fine.size) / unknowns[-3]
+    size = max(torques.left, 1e-9 * fine.size) / unknowns[-3]
     first = np.array([*unknowns, START_RATE, size, DRIFTING * size, SHOWN if predictor.space.free[MISSED] else 0.0])
-    found = _fitted(predictor, first, loss, hopeless, cancel)
+    begun = _begun(predictor, first, loss, torques, cancel)
+    if space.free[-1] and not all(log.even for log in fine.logs):
+        other = _predictor(fine.drawn(Between.HELD_UP_TO), predictor.space, unknowns, COARSE)
+        up_to = _begun(other, first, loss, torques, cancel)
+        begun, up_to = (replace(one, unknowns=one.aim.tune(one.unknowns, near=True)) for one in (begun, up_to))
+        begun = begun if begun.likelier_than(up_to) else up_to
+    found = _fitted(begun, loss, torques, cancel)
     if not space.free[-1]:
         return found
     sound = found.sound and not found.hopeless
-    line, start = fine.drawn(Between.LINE), found.unknowns.copy() if sound else first
+    line, start = fine.drawn(Between.LINE), (found.unknowns if sound else first).copy()
     start[MISSED] = SHOWN
     other = _predictor(line, widened(space, line), start[:-NUISANCES], COARSE)
     if sound and likelier(found.scores, other.scores(other.tune(start, near=True))):
         return found
-    momentary = _fitted(other, start, loss, hopeless, cancel)
+    momentary = _fitted(_begun(other, start, loss, torques, cancel), loss, torques, cancel)
     return found if found.likelier_than(momentary) else momentary
 
 
-def _fitted(
-    predictor: Predictor, first: np.ndarray, loss: str, hopeless: Callable[[Sharpened], bool], cancel: Callable[[], bool]
+def _begun(
+    predictor: Predictor, first: np.ndarray, loss: str, torques: Torques, cancel: Callable[[], bool]
 ) -> Sharpened:
-    """The fit of predictions that begins at `first` (k + 7,)."""
-    start, space, exact, evaluations, level = predictor.tune(first), predictor.space, predictor, 0, 1.0
+    """Predictions in time, with the law of the torques, from `first` (k + 7,)."""
+    start, space = predictor.tune(first), predictor.space
     in_time = space.holding(np.arange(len(start)) < len(start) + INERTIA)
     for _ in range(2):
         fit = _refined(predictor, start, in_time, loss, cancel)
-        start = fit.unknowns
-        found = Sharpened(start, space, fit, predictor.evaluations, predictor)
-        if hopeless(found):
+        found = Sharpened(fit.unknowns, space, fit, predictor.evaluations, predictor)
+        retimed = torques.retimed(found)
+        if retimed is None:
             return replace(found, hopeless=True)
+        start = np.concatenate([retimed, fit.unknowns[-NUISANCES:]])
+    return replace(found, unknowns=start)
+
+
+def _fitted(found: Sharpened, loss: str, torques: Torques, cancel: Callable[[], bool]) -> Sharpened:
+    """The fit of predictions in all that is free, from predictions in time."""
+    if found.hopeless:
+        return found
+    predictor, start, space, evaluations, level = found.aim, found.unknowns, found.space, 0, 1.0
+    exact = predictor
     for number in range(ROUNDS):
         if number == 1:  # noise is tuned beside a law that is nearly right
             start = predictor.tune(start, near=True)
@@ -181,7 +210,7 @@ def _fitted(
         fit = _refined(predictor, start, space, loss, cancel)
         moved, start = _moved(fit, start, space), fit.unknowns
         found = Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor)
-        if hopeless(found):
+        if number and torques.hopeless(found):  # the first has the noise of another law
             return replace(found, hopeless=True)
         exact, level = predictor.finer(start), math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
         if cancel() or (moved < SETTLED and number and exact is predictor and LEVEL[0] < level < LEVEL[1]):

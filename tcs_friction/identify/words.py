@@ -38,6 +38,6 @@ def when_torque_acts(timing: TorqueTiming | None, period: float) -> tuple[str, .
     if not timing.acts.determined:
         return (f"when the torque acts is not told: the values allow for anywhere within the {1e3 * period:.3g} ms of a sample",)
     acts, std = 1e3 * timing.acts.value, 1e3 * timing.acts.std
-    held = "is held" if timing.between == Between.HELD.value else "goes on a line to the next"
+    held = "goes on a line to the next" if timing.between == Between.LINE.value else "is held"
     begins = f"the logged torque begins to act {acts:.3g} ± {std:.2g} ms after its stamp"
     return (f"{begins} and {held} (a sample: {1e3 * period:.3g} ms)",)

@@ -40,7 +40,7 @@ REPORT_POLICY = (
 """A report has its scripts and styles inside. In its sandbox it has no origin: it reaches neither this server nor another."""
 ALWAYS = {
     "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
+    "referrer-policy": "same-origin",  # with none at all a browser hides the origin of the form
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
@@ -49,6 +49,7 @@ SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
 SANDBOX = {"content-security-policy": REPORT_POLICY}
 NOT_FOUND = PlainTextResponse("not found\n", 404)
 NO_TOKEN = PlainTextResponse("a token is needed\n", 401)
+REFUSAL = "<!-- refusal -->"
 OWN_FILES = {"page.js": SCRIPT, "plots.js": SCRIPT, "panels.js": SCRIPT, "page.css": STYLE}
 
 
@@ -58,6 +59,7 @@ def application(hubs: Mapping[str, Hub], rules: Access) -> ASGIApp:
     routes = [
         Route("/", answers.page, methods=["GET"]),
         Route("/login", answers.login, methods=["POST"]),
+        Route("/login", answers.to_the_page, methods=["GET"]),
         Route("/page/{name}", answers.own_file, methods=["GET"]),
         Route("/results/{axis}/{path:path}", answers.result, methods=["GET"]),
         Route("/recordings/{axis}/{path:path}", answers.recording, methods=["GET"]),
@@ -80,18 +82,26 @@ class _Answers:
 
     async def page(self, request: Request) -> Response:
         if not self._welcome(request):
-            return Response(self._login, 401, media_type="text/html")
+            return self._form(401)
         return Response(self._page, media_type="text/html")
 
     async def login(self, request: Request) -> Response:
         if not same_origin(request.headers.get("origin"), request.headers.get("host")):
-            return PlainTextResponse("refused: the form is another site's\n", 403)
+            return self._form(403, "The form came from another site, or the browser hides from where. Enter the token here.")
         if not self._rules.accepts(await _token_in(request)):
             await asyncio.sleep(WRONG_TOKEN_COSTS)
-            return Response(self._login, 401, media_type="text/html")
+            return self._form(401, "That is not the token.")
         answer = RedirectResponse("/", 303)
         answer.set_cookie(COOKIE, self._rules.session, httponly=True, samesite="strict")
         return answer
+
+    async def to_the_page(self, _: Request) -> Response:
+        """Of somebody who reloads the form after a refusal."""
+        return RedirectResponse("/", 303)
+
+    def _form(self, status: int, refusal: str = "") -> Response:
+        told = f'<p role="alert">{refusal}</p>' if refusal else ""
+        return Response(self._login.replace(REFUSAL, told), status, media_type="text/html")
 
     async def own_file(self, request: Request) -> Response:
         content, kind = self._files.get(request.path_params["name"], ("", ""))

@@ -139,9 +139,9 @@ def _without_torque(said: Said) -> Mask | None:
     for name, values in said.signals.items():
         if name != "velocity":
             lacking |= ~np.isfinite(values)
-    whole = np.flatnonzero(~lacking)
-    if np.count_nonzero(lacking) < STRANGE or len(whole) < STRANGE:
+    if not STRANGE <= np.count_nonzero(lacking) <= len(said) - STRANGE:
         return None
+    whole = np.flatnonzero(~lacking)
     steps = np.diff(said.times[whole])
     across = steps[np.diff(whole) > 1]
     fine = across < BETWEEN * clock.usual_period(said.times[whole])

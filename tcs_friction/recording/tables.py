@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tcs_friction.errors import InputError
-from tcs_friction.recording import units
+from tcs_friction.recording import clock, units
 from tcs_friction.recording.align import align
-from tcs_friction.recording.columns import TopicColumns
+from tcs_friction.recording.columns import Nanoseconds, TopicColumns
 from tcs_friction.recording.mending import mended
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import OPTIONAL, REQUIRED, SignalMap, SignalSource
@@ -132,16 +133,17 @@ def _sources(
     given = dict(signals.named()) if signals is not None else {}
     bare = {name: replace(given[name]) if name in given else SignalSource(where, name) for name in roles.columns}
     named = [
-        Named(name, role.column, bare[name].unit if role.unit in units.WITHOUT else role.unit)
+        Named(name, role.column, bare[name].unit if role.unit in units.WITHOUT or counts(role.unit) else role.unit)
         for name, role in roles.columns.items()
     ]
+    counted = {item.signal for item in named if counts(item.column) or counts(roles.columns[item.signal].unit)} - {"time"}
     for item in named:
-        bare_number = item.unit in units.WITHOUT and bare[item.signal].scale == 1.0
-        if item.signal in ("position", "velocity") and bare_number and counts(item.column):
+        if item.signal in counted and item.unit in units.WITHOUT and bare[item.signal].scale == 1.0:
             expected = f"signals: {item.signal}: {{scale: of a count}} in the axis file, or --column {item.signal}=NAME:UNIT"
             raise InputError(where, f"column {item.column!r} holds counts", expected)
     settled = units.settled(named, where, kind)
-    notes += [taken_as_si(item.column) for item in named if item.signal != "time" and item.unit in units.WITHOUT]
+    without = [item for item in named if item.unit in units.WITHOUT and item.signal not in ("time", *counted)]
+    notes += [taken_as_si(item.column) for item in without]
     return {name: replace(source, unit=settled[name]) for name, source in bare.items()}, named
 
 
@@ -223,14 +225,26 @@ def _recording(
     if not good.all():
         notes.append(mended(f"{np.count_nonzero(~good)} rows without a time left out"))
     stamps = EPOCH + np.rint(times[good] * 1e9).astype(np.int64)
+    rows = _in_order(stamps, notes)
     topic = str(path)
     sources = {name: SignalSource(topic, name) for name in values} | {"torque": SignalSource(topic, "torque", acts=acts)}
     exogenous = {name: SignalSource(topic, name) for name in others}
-    found = {source: {**values, **others}[name][good] for name, source in {**sources, **exogenous}.items()}
-    columns = TopicColumns(topic, stamps, stamps, found)
+    found = {source: {**values, **others}[name][good][rows] for name, source in {**sources, **exogenous}.items()}
+    columns = TopicColumns(topic, stamps[rows], stamps[rows], found)
     recording = align({topic: columns}, SignalMap(**sources, exogenous=exogenous), topic, notes)
     told = tuple(note for note in recording.notes if not note.startswith("time base"))
     return replace(recording, notes=told)
+
+
+def _in_order(stamps: Nanoseconds, notes: list[str]) -> NDArray[np.intp] | slice:
+    """The rows, sorted by time where they have no order: more of them go far back than there can be strays.
+
+    Somebody has sorted the table by another column or mixed it. A clock that is set back does that now and then.
+    """
+    if np.count_nonzero(np.diff(stamps) < -clock.JUMP) <= (1.0 - clock.USABLE) * len(stamps):
+        return slice(None)
+    notes.append(mended("rows are in no order of time, sorted by it"))
+    return np.argsort(stamps, kind="stable")
 
 
 def default_signals(joint: str, names: Iterable[str], others: Iterable[str], torque_unit: str = "") -> SignalMap:

@@ -21,6 +21,8 @@ def test_integrals_are_those_of_the_torque(between: Between, acts: float) -> Non
     fine = np.linspace(T[10], T[-10], 400_001)
     if between is Between.HELD:
         torque = VALUES[np.searchsorted(T, fine - acts, side="right") - 1]
+    elif between is Between.HELD_UP_TO:
+        torque = VALUES[np.searchsorted(T, fine - acts - 1e-3, side="right")]
     else:
         torque = Akima1DInterpolator(T, VALUES)(fine - acts - 0.5e-3)
     step = fine[1] - fine[0]
@@ -30,6 +32,15 @@ def test_integrals_are_those_of_the_torque(between: Between, acts: float) -> Non
     assert first - first[0] == pytest.approx(impulse[::1000], abs=2e-5)  # a sum of steps
     apart = fine[::1000] - fine[0]
     assert second - second[0] - first[0] * apart == pytest.approx(lever[::1000], abs=2e-6)
+
+
+def test_a_value_that_is_held_up_to_its_stamp_acts_from_the_one_before() -> None:
+    mean, moves = LoggedTorque(T, VALUES, 1e-3, Between.HELD_UP_TO).pushes(T, -1e-3)
+    assert mean == pytest.approx(VALUES[1:])
+    assert moves == pytest.approx(VALUES[1:])
+    even = np.arange(200) * 1e-3
+    one, other = (LoggedTorque(even, VALUES, 1e-3, between).pushes(T[5:150], -0.7e-3)[0] for between in list(Between)[:2])
+    assert one == pytest.approx(other), "even stamps do not tell the two apart"
 
 
 def test_a_push_moves_a_mass_as_the_torque_does() -> None:

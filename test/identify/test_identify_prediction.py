@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identify_cases import INERTIA, LUGRE, axis_of
+from scipy import linalg
 
 from benchmarks import accuracy, law_axes
 from tcs_friction.conditioning.hold import LoggedTorque
@@ -18,17 +19,19 @@ from tcs_friction.identify.identification import identify
 from tcs_friction.identify.prediction import FINEST, ForcedPredictor
 from tcs_friction.identify.prediction_kernel import LANES, SLOW, predict
 from tcs_friction.identify.problem import pose, settled
-from tcs_friction.identify.sharpen import Sharpened, widened
+from tcs_friction.identify.sharpen import WHITE, Sharpened, widened
 from tcs_friction.identify.start import space_of
+from tcs_friction.physics.axis import Drive, Sensors
 from tcs_friction.physics.registry import effect
+from tcs_friction.physics.simulate import Simulator
 from tcs_friction.physics.terms import instance
 from tcs_friction.recording.recording import Recording
 
 DT = 1e-3
 DRIVEN = np.array([[DT**2 / 3.0, DT / 2.0], [DT / 2.0, 1.0]])  # of velocity and itself, by a random acceleration
 CANDIDATE = np.array([*LUGRE.values(), INERTIA, 1.5, 60.0, 2e-4, 5e-8, 1e-4, 0.5, 1.0])
-LIGHT = np.array([20.0, 28.0, 0.02, 2.2e6, 3e3, 12.0, 4.0, 0.0, 100.0, 1e-12, 1e3, 1e-12, 0.0, 0.0])
-"""Of an encoder that tells nothing."""
+LIGHT = np.array([20.0, 28.0, 0.02, 2.2e6, 3e3, 12.0, 4.0, 0.0, 100.0, 1e-15, 1e-9, 1e-15, 0.0, 0.0])
+"""Of noises so small that nothing slips by chance."""
 SWING = DT * max(math.sqrt(LIGHT[3] / LIGHT[6]), (LIGHT[4] + LIGHT[5]) / LIGHT[6])  # rad in a sample, of its bristle
 LATE = 0.4 * DT
 ROUGH = 0.3  # N m, of a torque's changes
@@ -40,14 +43,34 @@ def run() -> LoopRun:
     return accuracy.run_axis(accuracy.draw(np.random.default_rng(5)), 3, 30.0)
 
 
-def after_step(x: np.ndarray, push: float, p: np.ndarray) -> np.ndarray:
-    """State a step later: position, velocity, deflection, disturbance."""
-    coulomb, static, stribeck, stiffness, damping, viscous, inertia = p[:7]
+def folded(v: float, deviation: float) -> float:
+    """Mean of |v|, of a normal velocity."""
+    u = v / (math.sqrt(2.0) * deviation)
+    return v * math.erf(u) + deviation * math.sqrt(2.0 / math.pi) * math.exp(-u * u)
+
+
+def level(v: float, p: np.ndarray) -> float:
+    """Friction of LuGre in the long run, N m."""
+    return float(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2)))
+
+
+def forgetting(p: np.ndarray) -> float:
+    """1/s: one over the integral of the squared autocorrelation of an axis' velocity at rest, by matrices."""
+    stiffness, damping, inertia, rate = p[3], p[4] + p[5], p[6], p[8]
+    matrix = np.array([[0.0, 1.0, 0.0], [-stiffness / inertia, -damping / inertia, 1.0], [0.0, 0.0, -rate]])
+    spread = linalg.solve_continuous_lyapunov(matrix, -np.diag([0.0, 0.0, 1.0]))
+    decay = spread[:, 1] / spread[1, 1]
+    return float(1.0 / linalg.solve_continuous_lyapunov(matrix, -np.outer(decay, decay))[1, 1])
+
+
+def after_step(x: np.ndarray, push: float, p: np.ndarray, deviation: float, slipped: float = 0.0) -> np.ndarray:
+    """State a step later: position, velocity, deflection, disturbance. deviation: of the velocity; slipped: z, by chance."""
+    stiffness, damping, viscous, inertia = p[3:7]
     keep, stay = np.exp(-p[8] * DT), np.exp(-SLOW * DT)
 
     def bristle(v: float) -> float:
-        forget = stiffness * abs(v) / (coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2)))
-        return float(x[2] * np.exp(-forget * DT) + (v / forget) * -np.expm1(-forget * DT))
+        forget = stiffness * folded(v, deviation) / level(v, p)
+        return slipped + float(x[2] * np.exp(-forget * DT) + (v / forget) * -np.expm1(-forget * DT))
 
     def acceleration(v: float, z: float, w: float) -> float:
         rate = (bristle(v) - x[2]) / DT
@@ -68,6 +91,15 @@ def measured(
     return state + gain * error, spread - np.outer(gain, spread[0]), error, variance
 
 
+def by_chance(state: np.ndarray, after: np.ndarray, deviation: float, p: np.ndarray) -> float:
+    """Variance of what a bristle moves in a step, beside what goes with the velocity, times 1/s of how soon that is over."""
+    v, z = 0.5 * (state[1] + after[1]), 0.5 * (state[2] + after[2])
+    mean, sign = folded(v, deviation), math.erf(v / (math.sqrt(2.0) * deviation))
+    forget = p[3] * mean / level(v, p)
+    slip = z * -np.expm1(-forget * DT) / (mean * DT)
+    return float(2.0 * DT * slip**2 * (v**2 + deviation**2 * (1.0 - sign**2) - mean**2))
+
+
 def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same filter with matrices and numerical derivatives, one sample at a time."""
     offset, rate, size, encoder, drift, missed = p[7:13]
@@ -77,25 +109,30 @@ def slow(position: np.ndarray, torque: np.ndarray, p: np.ndarray) -> tuple[np.nd
     noise[np.ix_([1, 3], [1, 3])] = power * DRIVEN
     noise[4, 4] = drift**2 * (1.0 - np.exp(-2.0 * SLOW * DT))
     state = np.array([position[0], (position[1] - position[0]) / DT, 0.0, 0.0, 0.0])
+    known_for = forgetting(p)
     first = [encoder**2, 2 * (encoder / DT) ** 2 + state[1] ** 2, (p[1] / p[3]) ** 2, size**2, drift**2]
     spread = np.diag(first)
     errors, variances = [], []
     for k in range(len(position)):
+        before = spread[1, 1]
         state, spread, error, variance = measured(state, spread, position[k], encoder)
+        deviation, learnt = math.sqrt(spread[1, 1]), before / spread[1, 1] - 1.0
         errors.append(error)
         variances.append(variance)
         share = LATE / DT  # of the step in which the torque before still acts
         after = torque[min(k + 1, len(torque) - 1)]
         push = (1.0 - share) * after + share * torque[k] - offset
 
-        def step(x: np.ndarray, push: float = push) -> np.ndarray:
-            return after_step(x, push, p)
+        def step(x: np.ndarray, push: float = push, deviation: float = deviation) -> np.ndarray:
+            return after_step(x, push, p, deviation)
 
         scale = np.array([1e-8, 1e-9, 1e-9, 1e-8, 1e-8])
         turn = np.column_stack([(step(state + d) - step(state - d)) / (2 * d.sum()) for d in np.diag(scale)])
         driven = (step(state, push + 1.0) - step(state, push - 1.0)) / 2.0
+        slip = (after_step(state, push, p, deviation, 1e-9) - step(state)) / 1e-9
+        slips = by_chance(state, step(state), deviation, p) / min(known_for + learnt / DT, 2.0 / DT)
         state = step(state)
-        spread = turn @ spread @ turn.T + noise + (missed * ROUGH) ** 2 * np.outer(driven, driven)
+        spread = turn @ spread @ turn.T + noise + (missed * ROUGH) ** 2 * np.outer(driven, driven) + slips * np.outer(slip, slip)
     return np.array(errors), np.array(variances)
 
 
@@ -152,6 +189,28 @@ def followed(torque: np.ndarray, late: float, parts: int) -> np.ndarray:
         x += h * v + h * h / 6.0 * (a1 + a2 + a3)
         v, z = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4), z + h / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
     return np.array(found)
+
+
+def test_noise_lets_an_axis_at_rest_slip() -> None:
+    """Predictions of a dwell are white; with |v| at the mean velocity, which is none, their power was 300."""
+    step, noise, bandwidth, encoder, count = 10.0 * DT, 1.0, 8.0, 3e-6, 8000
+    axis = replace(axis_of(), drive=Drive(noise=noise, noise_bandwidth=bandwidth), sensors=Sensors(noise=encoder))
+    simulator = Simulator(axis, step, substeps=20, seed=2)
+    torque = np.where(np.arange(count) < 30, 300.0, 70.0)  # a push, and then less than Coulomb friction
+    position = np.empty(count)
+    for k, value in enumerate(torque.tolist()):
+        simulator.step(value)
+        position[k] = simulator.measured_position
+    candidate = np.array([*LUGRE.values(), INERTIA, 0.0, 2.0 * math.pi * bandwidth, noise / INERTIA, encoder, 1e-12, 0.0, 1.0])
+    parts, last, out = 4, count - 1, np.empty((2, 1, count))
+    firsts, steps = np.append(np.arange(count), last) * parts, np.full(last * parts, step / parts)
+    push, row = np.repeat(torque[1:], parts)[None], np.zeros(1, np.int64)
+    predict(position, np.array([0, count]), firsts, steps, push, push, np.zeros(len(steps)), row, candidate[None], *out)
+    rest = slice(count // 4, None)
+    errors = (out[0, 0] / np.sqrt(out[1, 0]))[rest]
+    assert np.ptp(position[rest]) > 100.0 * encoder, "it slips"
+    assert np.mean(errors**2) == pytest.approx(1.0, abs=0.1)
+    assert abs(np.mean(errors[1:] * errors[:-1])) < WHITE / math.sqrt(len(errors))
 
 
 def test_finer_steps_of_a_walk_come_near_to_the_motion() -> None:

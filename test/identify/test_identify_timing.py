@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from identify_cases import LUGRE, axis_of
 
+from tcs_friction.conditioning.hold import Between
 from tcs_friction.conditioning.motion import prepare
 from tcs_friction.identify.identification import identify
 from tcs_friction.identify.timing import likely_timing
@@ -52,6 +53,29 @@ def test_any_stamps_lead_to_the_same_axis(driven: tuple[np.ndarray, np.ndarray, 
         assert one.determined, name
         assert one.value == pytest.approx(truth[name], abs=4.0 * one.std), name
     assert found.inertia.value == pytest.approx(1000.0, abs=4.0 * found.inertia.std)
+
+
+def test_a_torque_that_is_held_up_to_jittered_stamps() -> None:
+    """Ticks that jitter by a quarter, each logged when it is over with the torque that acted in it."""
+    axis = replace(axis_of(), sensors=Sensors(noise=5e-8), drive=Drive(limit=2000.0))
+    simulator, random = Simulator(axis, 0.25 * PERIOD, substeps=5, seed=4), np.random.default_rng(1)
+    count = COUNT // 3
+    lengths = random.integers(3, 6, count)
+    t = 0.25 * PERIOD * np.cumsum(lengths)
+    torque = sum(size * np.sin(2 * np.pi * rate * t) for size, rate in ((80.0, 0.21), (50.0, 0.93), (25.0, 4.1)))
+    torque += 2.0 * random.standard_normal(count)
+    position = np.empty(count)
+    for k, (value, length) in enumerate(zip(torque.tolist(), lengths.tolist(), strict=True)):
+        for _ in range(length):
+            simulator.step(value)
+        position[k] = simulator.measured_position
+    found = identify([Recording(t, position, torque)], axis_of(LUGRE | {"coulomb": 70.0, "static": 105.0}))
+    assert found.timing is not None
+    assert found.timing.between == Between.HELD_UP_TO.value
+    assert found.timing.acts.value == pytest.approx(-PERIOD, abs=0.02 * PERIOD)
+    for name, truth in axis_of().friction.values.items():
+        one = found.parameters[name]
+        assert one.value == pytest.approx(truth, abs=4.0 * one.std), name
 
 
 def test_a_stated_timing_is_not_searched(driven: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:

@@ -141,6 +141,24 @@ def picture(page: Any, plot: str) -> int:
     ))  # fmt: skip
 
 
+def test_who_knows_the_token_logs_in(site: Site, page: Any) -> None:
+    token = "a token of this test".replace(" ", "-")
+    (site.folder / "token").write_text(token)
+    (site.folder / "token").chmod(0o600)
+    site.start("live", "live", "--port", "0", "--token-file", "token")
+    page.goto(site.address())
+    assert page.locator("[role=alert]").count() == 0
+    page.fill("input[name=token]", "another-token-than-that")
+    page.click("button")
+    assert page.text_content("[role=alert]") == "That is not the token."
+    page.reload()
+    page.fill("input[name=token]", token)
+    page.click("button")
+    assert "running" in wait_for(page, "#sentence", "its graph")
+    page.reload()
+    assert "running" in wait_for(page, "#sentence", "its graph")
+
+
 def test_a_measurement_from_start_to_report_and_a_graph_that_is_lost_and_comes_back(site: Site, page: Any) -> None:
     folder = site.folder / "results" / MARKUP
     folder.mkdir(parents=True)

@@ -230,8 +230,12 @@ def test_with_a_token_nothing_is_shown_without_it(serve: Callable[..., Any]) -> 
     with pytest.raises(InvalidStatus), server.socket():
         pass
     for body in ("token=wrong", "", "token=" + "x" * 5000):
-        assert server.ask("/login", "POST", body, **own)[0] == 401
-    assert server.ask("/login", "POST", f"token={TOKEN}", origin="http://evil.example")[0] == 403
+        status, _, page = server.ask("/login", "POST", body, **own)
+        assert (status, "That is not the token." in page, "password" in page) == (401, True, True)
+    for origin in ({"origin": "http://evil.example"}, {"origin": "null"}, {}):
+        status, headers, page = server.ask("/login", "POST", f"token={TOKEN}", **origin)
+        assert (status, "set-cookie" in headers, "password" in page) == (403, False, True)
+    assert server.ask("/login")[0] == 303
     status, headers, _ = server.ask("/login", "POST", f"token={TOKEN}", **own)
     assert status == 303
     assert all(word in headers["set-cookie"] for word in ("HttpOnly", "SameSite=strict"))

@@ -3,23 +3,26 @@
 Every declared parameter of every node of the loop and of drivers is set while the axis moves, and set back, in lock-step and in
 real time. The largest change of `torque_command` from tick to tick is at most twice that before, and the tracking error at most
 1.2 times its peak of before, with compensation; where that becomes another one, 1.2 times the peak without. A new parameter is in
-this test by itself.
+this test by itself. What begins, ends or replaces a motion is measured by a motion with the same limits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from std_srvs.srv import Trigger
 from virtual import Loop
 
-from tcs_friction.commissioning.setup import MODES, SWITCHES
+from tcs_friction.commissioning.setup import MODES
 from tcs_friction.control.compensator import CompensatorConfig
 from tcs_friction.control.config_field import Setting, changed, flatten
+from tcs_friction.nodes.commissioning.modes import Modes
 from tcs_friction.nodes.core.convert import SECOND, lugre_message
+from tcs_friction.nodes.core.remote import Remotes
 from tcs_friction.nodes.drivers.canopen_drive import CanopenDriveConfig
 from tcs_friction.nodes.drivers.driver_node import DriverNode
 from tcs_friction.nodes.drivers.hardware import Hardware, Measured
@@ -52,8 +55,8 @@ BEGINS_ANEW = {
     ("plant", "period"): "the simulated axis begins anew at time 0",
     ("plant", "run_until"): "lock-step: time stands still there",
 }
-"""Beside them: another reference, and the services that start and stop it. In lock-step it is a function of the stamps, in real
-time a motion within limits of jerk and acceleration (`test_nodes_real_time.py`)."""
+"""Beside them: another reference, and the services that start and stop it. In lock-step it is a function of the stamps; in real
+time see `test_a_motion_begins_and_ends_as_gently_as_it_goes_on`."""
 LAGS = "controller velocity_feedforward"
 """Whose meaning it is that the axis lags by a share of its speed."""
 COMPENSATES_OTHERWISE = (
@@ -129,6 +132,21 @@ class SimulatedDriver(DriverNode[Ros2ControlConfig]):
         return SimulatedDrive(simulator, config.period, self.get_clock().now().nanoseconds + later)
 
 
+class SetInLoop(Remotes):
+    """Sets the nodes of a loop as the services do, one by one while the axis moves. A node that is not in it takes all."""
+
+    def __init__(self, loop: Loop) -> None:
+        self._loop = loop
+
+    async def get(self, node: str, names: Sequence[str], limit: float) -> dict[str, Any]:  # noqa: ARG002
+        return {name: self._loop.nodes[node].get_parameter(name).value if node in self._loop.nodes else None for name in names}
+
+    async def set(self, node: str, values: Mapping[str, Any], limit: float) -> None:  # noqa: ARG002
+        if node in self._loop.nodes:
+            assert self._loop.set(node, **values)
+        self._loop.run(2 * PERIOD)
+
+
 @pytest.fixture(params=["lock_step", "real_time"])
 def moving(request: Any, tmp_path: Path, ros_domain: None) -> Iterator[Callable[..., Loop]]:  # noqa: ARG001
     """Makes a loop whose axis moves to and fro, and has done so for a while."""
@@ -147,9 +165,9 @@ def moving(request: Any, tmp_path: Path, ros_domain: None) -> Iterator[Callable[
             loop.close()
 
 
-def peaks(loop: Loop, seconds: float) -> tuple[float, float]:
-    """Largest step of the torque (N m) and largest error (rad) while it goes on for so long."""
-    begin = len(loop.torques) - 1
+def peaks(loop: Loop, seconds: float, begin: int = 0) -> tuple[float, float]:
+    """Largest step of the torque (N m) and largest error (rad) while it goes on for so long, from tick `begin`, 0: now, on."""
+    begin = begin or len(loop.torques) - 1
     loop.run(seconds)
     return loop.steps(begin), float(np.abs(loop.errors[begin:]).max())
 
@@ -256,11 +274,12 @@ def test_nothing_that_is_switched_sent_or_called_makes_a_step(moving: Callable[.
         loop.say("lugre_parameters", lugre_message(config, 0, "a test"))
         assert loop.nodes["lugre_compensator"].config.positive.coulomb == coulomb
         after(f"identified, {coulomb:g} N m")
-    for mode, switches in (*MODES.items(), *reversed(MODES.items())):
-        for (node, name), value in zip(SWITCHES, switches, strict=True):
-            if node in loop.nodes:
-                loop.set(node, **{name: value})
-        after(f"mode {mode}")
+    for mode in (*MODES, *reversed(MODES)):
+        begin = len(loop.torques) - 1
+        done = Modes(SetInLoop(loop)).set(mode, limit=1.0)
+        with pytest.raises(StopIteration):  # as it waits for nobody, it is over at once
+            done.send(None)
+        found.append((f"set_mode {mode}", *peaks(loop, 2.0, begin)))
     loop.set("dob", switch1=True)
     loop.set("controller", feed_back=True)
     after("feed_back")
@@ -270,6 +289,30 @@ def test_nothing_that_is_switched_sent_or_called_makes_a_step(moving: Callable[.
     for estimator in ("kalman", "dob"):
         loop.set("dob", estimator=estimator)
         after(estimator)
+    assert_no_step(found, step, error)
+
+
+@pytest.mark.parametrize("moving", ["real_time"], indirect=True)
+def test_a_motion_begins_and_ends_as_gently_as_it_goes_on(moving: Callable[..., Loop]) -> None:
+    """`~/start`, `~/stop` and other references, beside a motion that takes as much of speed and acceleration as they may.
+
+    Half of the largest steps is friction that reverses within 0.1 s.
+    """
+    loop = moving()
+    reference = loop.nodes["reference"]
+    speed, acceleration = reference.config.speed_limit, reference.config.acceleration_limit
+    motion = {"sinusoid.period": 2.0 * np.pi * speed / acceleration, "sinusoid.amplitude": 0.98 * speed**2 / acceleration}
+    assert loop.set("reference", reference_file="", kind="sinusoid", **motion)
+    loop.run(4.0)
+    step, error = peaks(loop, 6.0)
+    found = []
+    for _ in range(2):
+        for name, act in (("stop", reference._on_stop), ("start", reference._on_start)):
+            assert act(Trigger.Request(), Trigger.Response()).success
+            found.append((name, *peaks(loop, 1.7)))
+    for kind in ("legs", "sinusoid", "hold", "constant_speed", "multisine"):
+        assert loop.set("reference", kind=kind)
+        found.append((kind, *peaks(loop, 1.7)))
     assert_no_step(found, step, error)
 
 

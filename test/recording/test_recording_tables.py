@@ -356,3 +356,23 @@ def test_the_date_of_a_table_is_that_of_its_bag(first: str, start: float, tmp_pa
     assert cli.main(["bag", "import", str(path), "-o", str(tmp_path / "bag")]) == 0
     assert bag_info(tmp_path / "bag").start == pytest.approx(start, abs=1e-6)
 
+
+
+@pytest.mark.parametrize("by", ["position", "nothing"])
+def test_rows_in_no_order_of_time_are_sorted(by: str, tmp_path: Path) -> None:
+    t = 0.01 * np.arange(2000)
+    order = np.argsort(np.cos(t)) if by == "position" else np.random.default_rng(0).permutation(len(t))
+    rows = "".join(f"{t[k]:.2f},{np.cos(t[k]):.9g},{np.sin(t[k]):.9g}\n" for k in order)
+    (tmp_path / "a.csv").write_text("time [s],position [rad],torque [N m]\n" + rows)
+    found = import_table(tmp_path / "a.csv", "", {}).recording
+    assert [note for note in found.notes if note.startswith("mended")] == ["mended: rows are in no order of time, sorted by it"]
+    assert np.abs(found.position - np.cos(t)).max() < 1e-8
+
+
+def test_a_table_whose_clock_was_set_back_is_cut_there(tmp_path: Path) -> None:
+    t = 0.01 * np.tile(np.arange(500), 3)
+    rows = "".join(f"{one:.2f},{np.cos(one):.9g},{np.sin(one):.9g}\n" for one in t)
+    (tmp_path / "a.csv").write_text("time [s],position [rad],torque [N m]\n" + rows)
+    found = import_table(tmp_path / "a.csv", "", {}).recording
+    assert any("clock set back 2 times" in note for note in found.notes)
+    assert len(found.t) == 1500

@@ -73,11 +73,15 @@ def test_what_wraps_where_no_radian_does_is_refused(turn: float, said: str, tmp_
         assert np.ptp(position - MOTION) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["encoder_counts", "az_pos_ticks", "PositionCounts"])
-def test_counts_without_a_scale_are_refused(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("encoder_counts", ""), ("az_pos_ticks", ""), ("PositionCounts", ""), ("position [counts]", ""), ("angle", "s,lsb,Nm\n")],
+)
+def test_counts_without_a_scale_are_refused(name: str, unit: str, tmp_path: Path) -> None:
     table = tmp_path / "axis.csv"
-    table.write_text(f"time,{name},torque\n" + "".join(f"{t:.3f},{1e3 * np.sin(t):.0f},{np.cos(t):.6g}\n" for t in T[:400]))
-    with pytest.raises(InputError, match=f"column '{name}' holds counts, expected signals: position: {{scale: of a count}}"):
+    table.write_text(f"time,{name},torque\n{unit}" + "".join(f"{t:.3f},{1e3 * np.sin(t):.0f},{np.cos(t):.6g}\n" for t in T[:400]))
+    said = f"column '{name}' holds counts, expected signals: position: {{scale: of a count}}"
+    with pytest.raises(InputError, match=re.escape(said)):
         import_table(table, "axis", {"position": name})
     source = SignalSource("/joint_states", "position", "axis", scale=1e-3)
     signals = SignalMap(source, SignalSource("/joint_states", "effort", "axis"))

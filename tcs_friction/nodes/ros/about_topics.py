@@ -42,9 +42,10 @@ def about_topic(asker: Asker, arguments: argparse.Namespace) -> None:
     def ends() -> dict[str, list[str]]:
         return {side: [str(end) for end in look(name)] for side, look in sides.items()}
 
+    kind = _type(asker, name)
     asker.settled(ends)
     asker.until(lambda: UNNAMED not in str(ends()), ANSWER_LIMIT)
-    print(f"Type: {_type(asker, name)}\n")
+    print(f"Type: {kind}\n")
     for side, found in ends().items():
         print(f"{side} count: {len(found)}")
         if arguments.verbose:

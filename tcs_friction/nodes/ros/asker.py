@@ -23,6 +23,23 @@ SETTLED = 0.5  # s without news, after some; Fast DDS announces what is new with
 POLL = 0.05  # s
 
 
+class _News:
+    """What looks at the graph find; over when others are known, and nothing was new for a while."""
+
+    def __init__(self, node: Node, look: Callable[[], Any]) -> None:
+        self._node, self._look, self.found = node, look, look()
+        self.others: list[str] = []
+        self._since = time.monotonic()
+
+    def are_over(self) -> bool:
+        """Look once more."""
+        now, seen = time.monotonic(), self._look()
+        others = sorted(name for name in self._node.get_node_names() if not hidden(name))
+        if (others, seen) != (self.others, self.found):
+            self.others, self.found, self._since = others, seen, now
+        return bool(others) and now - self._since > SETTLED
+
+
 class Asker:
     """A node and its executor, which is spun while something is waited for."""
 
@@ -40,30 +57,17 @@ class Asker:
 
     def settled(self, look: Callable[[], Found]) -> Found:
         """What a look at the graph finds once others are known."""
-        since = time.monotonic()
-        first = found = look()
-
-        def known() -> bool:
-            nonlocal found, since
-            now, seen = time.monotonic(), look()
-            if seen != found:
-                found, since = seen, now
-            return found != first and now - since > SETTLED
-
-        self.until(known, ANSWER_LIMIT)
-        return found
+        news = _News(self.node, look)
+        self.until(news.are_over, ANSWER_LIMIT)
+        return news.found
 
     def types(self, what: str, name: str, look: Callable[[], Found]) -> list[str]:
         """The types of a topic or service by its name. Raises JobError where nobody has it."""
-        found: Any = {}
-
-        def known() -> bool:
-            nonlocal found
-            found = look()
-            return name in found
-
-        if not self.until(known, ANSWER_LIMIT):
-            raise JobError(f"{what} {name}", "not found", nearest(name, found) if found else "its graph to run")
+        news = _News(self.node, look)
+        self.until(lambda: news.are_over() or name in news.found, ANSWER_LIMIT)
+        found: Any = news.found
+        if name not in found:
+            raise JobError(f"{what} {name}", "not found", nearest(name, found) if news.others else "its graph to run")
         return list(found[name])
 
     def services(self) -> dict[str, list[str]]:
