@@ -27,5 +27,6 @@ BENCHMARKS = {
     "compensated_prediction": "predicted gain of compensation, beside the gain then measured on the true axis",
     "monitor": "the watch for changes: false alarms in a day, time until a change is told, cost of a tick",
     "fleet_year": "changes in years of stored results: false ones, and planted ones within their errors",
+    "ablation": "what each rule of the diagnosis is needed for: every world again without the rules that decided in it",
     "concealed": "diagnosis of concealed effects, beside an oracle and baselines",
 }

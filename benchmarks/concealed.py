@@ -5,10 +5,10 @@ false alarms where nothing is concealed, `unexplained` where the effect is outsi
 residual over the noise floor, time. Beside it two baselines on the same worlds, and, with --limits, the size at which each
 effect is found in half of all recordings beside that of an oracle (concealed_oracle.py).
 
-`--worlds` asks for other kinds: on MuJoCo, with misspecified bases, with other friction laws (mujoco_worlds.py,
-misspecified_worlds.py, law_worlds.py), and the recordings that came with the project (practice_worlds.py). Every kind is judged
-by one function (concealed_score.py). `--save` writes worlds for `./tcs diagnose`, `-o` a report with the reliability of the
-stated probabilities.
+`--worlds` asks for other kinds: on MuJoCo, with misspecified bases, with other friction laws, with torques as drives
+log them (mujoco_worlds.py, misspecified_worlds.py, law_worlds.py, logged_worlds.py), and recordings: of other simulators
+(practice_worlds.py) and of real machines (real_worlds.py). Every kind is judged by one function (concealed_score.py).
+`--save` writes worlds for `./tcs diagnose`, `-o` a report with the reliability of the stated probabilities.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,14 +31,14 @@ import numpy as np
 
 from benchmarks.children import begun, ended_with_this
 from benchmarks.concealed_baselines import baselines
-from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, world_of
+from benchmarks.concealed_cases import CLASSES, LIMITED, Case, draw_cases, expected_of, own_trial, world_of
 from benchmarks.concealed_effects import OUTSIDE
 from benchmarks.concealed_kinds import ALL, DRAWN, KINDS, OWN, Task, save, tasks_of
 from benchmarks.concealed_kinds import solve as solve_task
 from benchmarks.concealed_limits import limit_rows, limits_of
 from benchmarks.concealed_report import reliability_rows, row, summary, write_report
 from benchmarks.concealed_score import Judged, judge
-from benchmarks.trials import Trial, save_trial
+from benchmarks.trials import save_trial
 from benchmarks.worlds import World
 from tcs_friction.commands.parser import positive
 from tcs_friction.diagnose.parallel import cores
@@ -170,14 +170,7 @@ def save_world(work: Case | Task, folder: Path) -> int:
     if isinstance(work, Task):
         save(work, folder)
         return 1
-    world = world_of(work)
-    concealed = ", ".join(world.truth.effects) or "nothing"
-    details = asdict(world.truth)
-    del details["effects"], details["noise_floor"]
-    trial = Trial(
-        work.name, world.recording, world.believed, expected_of(world), f"concealed: {concealed}", details
-    )
-    save_trial(trial, folder / OWN / work.name)
+    save_trial(own_trial(work), folder / OWN / work.name)
     return 1
 
 

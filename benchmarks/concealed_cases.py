@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from benchmarks.concealed_effects import EFFECTS, OUTSIDE
 from benchmarks.concealed_score import Expected
+from benchmarks.trials import Trial
 from benchmarks.worlds import World, draw_world
 
 CLASSES = ("none", "one", "two", "three", "outside")
@@ -59,3 +60,12 @@ def expected_of(world: World) -> Expected:
     """What is right to say of one of the own worlds."""
     known = tuple((name,) for name in world.truth.effects if name not in OUTSIDE)
     return Expected(known, world.truth.noise_floor, outside=len(known) < len(world.truth.effects))
+
+
+def own_trial(case: Case) -> Trial:
+    """One of the own worlds as every kind of world is asked about."""
+    world = world_of(case)
+    details = asdict(world.truth)
+    del details["effects"], details["noise_floor"]
+    note = f"concealed: {', '.join(world.truth.effects) or 'nothing'}"
+    return Trial(case.name, world.recording, world.believed, expected_of(world), note, details)

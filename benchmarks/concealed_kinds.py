@@ -7,7 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import law_worlds, misspecified_worlds, mujoco_worlds, practice_worlds
+from benchmarks import (
+    law_worlds,
+    logged_worlds,
+    misspecified_worlds,
+    mujoco_worlds,
+    practice_worlds,
+    real_worlds,
+)
 from benchmarks.concealed_floor import attainable
 from benchmarks.concealed_score import Judged, failed, judge
 from benchmarks.trials import Trial, save_trial
@@ -33,7 +40,9 @@ KINDS: Mapping[str, Kind] = {
     "mujoco": Kind(mujoco_worlds.names, mujoco_worlds.world),
     "misspecified": Kind(misspecified_worlds.names, misspecified_worlds.world),
     "laws": Kind(law_worlds.names, law_worlds.world),
+    "logged": Kind(logged_worlds.names, logged_worlds.world),
     "practice": Kind(practice_worlds.names, practice_worlds.world, practice_worlds.folder_of),
+    "real": Kind(real_worlds.names, real_worlds.world, real_worlds.folder_of),
 }
 DRAWN = [OWN, *(name for name, kind in KINDS.items() if kind.recorded is None)]
 

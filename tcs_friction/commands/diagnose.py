@@ -7,7 +7,7 @@ DIR/next_experiment.yaml where the bags leave a question open.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -146,6 +146,11 @@ def _choice(arguments: argparse.Namespace) -> Choice:
     return replace(choice, joint="") if arguments.against is not None and is_model(arguments.against) else choice
 
 
+def _left(row: Mapping[str, float | None]) -> str:
+    """What a model leaves of each part of the data, in columns."""
+    return " ".join(f"{'-':>10}" if row[part] is None else f"{row[part]:10.4g}" for part in ("train", "held_out", "untouched"))
+
+
 def summary(found: Diagnosis) -> str:
     """The statement and the numbers behind it, for a terminal."""
     content = found.to_mapping()
@@ -162,15 +167,15 @@ def summary(found: Diagnosis) -> str:
     for entry in content["refused"]:
         lines.append(f"  not taken: {entry['effect']}: {entry['words']} ({entry['question']} No.)")
     fit, free, loop = content["fit"], content["free_run"], content["closed_loop"]
-    head = f"{'':10} {'train':>10} {'held out':>10}  {unit} rms   free run {free['horizon']:.3g} s, {position} rms"
+    head = f"{'':10} {'train':>10} {'held out':>10} {'untouched':>10}  {unit} rms"
+    head += f"   free run {free['horizon']:.3g} s, {position} rms"
     lines.append(head + ("   closed loop" if loop else ""))
     for name in ("believed", "retuned", "improved"):
         row = fit[name]
-        line = f"{name:10} {row['train']:10.4g} {row['held_out']:10.4g} {free['position_rms'][name]:21.4g}"
+        line = f"{name:10} {_left(row)} {free['position_rms'][name]:21.4g}"
         lines.append(line + (f"{loop['position_rms'][name]:20.4g}" if loop else ""))
     if content["described"]:
-        left = fit["written"]
-        lines.append(f"{'axis.yaml':10} {left['train']:10.4g} {left['held_out']:10.4g}   with what is named alone")
+        lines.append(f"{'axis.yaml':10} {_left(fit['written'])}   with what is named alone")
     lines.append(f"{'noise':10} {fit['noise_floor']:10.4g}")
     lines.append(found.visible.words(unit))
     if content["next_experiment"]:

@@ -21,7 +21,7 @@ RESOLVED = 2.0  # standard deviations of the velocity's noise over which a law's
 LEAST_SPEED = 1e-12  # rad/s, so that nothing is divided by zero where a simulated motion has no noise
 NARROWING_PERIODS = 2.0  # of the cutoff on each side: a Hann window so long stops 99 % at 1.4 cutoffs
 HIGHEST_EDGE = 0.99  # of Nyquist's frequency; a filter's edge must be below it
-COMPARED = ("train", "held_out", "piece")  # arrays that have compared samples only
+COMPARED = ("train", "held_out", "untouched", "piece")  # arrays that have compared samples only
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,9 @@ class Stretch:
 
     t (s, of the recording), position (rad), velocity (rad/s), acceleration (rad/s^2), torque (N m): (n,), evaluated samples.
     signals (1 + s, n): temperature (degC), then exogenous signals. train, held_out (m,): which compared samples may be fitted and
-    which nothing is fitted to; in neither are edges, and gaps between the two. piece (m,): number of the block of the data, which
-    is as long as a held-out one. resting (n,): where the axis rests and friction is unknown; nothing is compared there.
+    which nothing is fitted to; untouched (m,): by which nothing is chosen either. In none are edges, and gaps between them.
+    piece (m,): number of the block of the data, which is as long as a held-out one. resting (n,): where the axis rests and
+    friction is unknown; nothing is compared there.
     reference (3, n): position, speed and acceleration that the controller was given, through the same filter; None: not recorded.
     """
 
@@ -43,6 +44,7 @@ class Stretch:
     signals: np.ndarray
     train: NDArray[np.bool_]
     held_out: NDArray[np.bool_]
+    untouched: NDArray[np.bool_]
     piece: NDArray[np.int64]
     resting: NDArray[np.bool_]
     reference: np.ndarray | None = None
@@ -95,6 +97,11 @@ class DataSet:
     def held_out(self) -> NDArray[np.bool_]:
         """(n,) Which compared samples are kept for the comparison of finished models."""
         return _fixed(self.joined("held_out"))
+
+    @cached_property
+    def untouched(self) -> NDArray[np.bool_]:
+        """(n,) Which compared samples nothing looks at before all is decided; none of a short recording."""
+        return _fixed(self.joined("untouched"))
 
     @cached_property
     def resting(self) -> NDArray[np.bool_]:

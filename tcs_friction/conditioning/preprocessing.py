@@ -53,11 +53,13 @@ def prepare(
     memory: float = 0.0,
     at_rest: bool = True,
     timings: Sequence[LogTiming] | None = None,
+    untouched: bool = False,
 ) -> DataSet:
     """Put recordings onto a common filtered time base and, if `held_out`, keep some data from being fitted.
 
     What was before a stretch is unknown: it is not compared until it has moved over `memory` (rad). at_rest: whether friction is
-    known while the axis rests. timings: of each recording's torque; None: as the recordings have it.
+    known while the axis rests. timings: of each recording's torque; None: as the recordings have it. untouched: whether a block
+    is kept from being looked at as well.
 
     Raises InputError when the data cannot carry a torque balance: too short, no motion, no torque.
     """
@@ -79,7 +81,8 @@ def prepare(
             part["resting"] = unknown_friction(
                 part["position"], part["velocity"], band.step * period, band.cutoff, noise, MOVING * band.velocity_noise
             )
-    stretches = _divided(parts, [k for k, _ in segments], band, dt, held_out, memory, pauses)
+    kinds = 0 if not held_out else 2 if untouched else 1
+    stretches = _divided(parts, [k for k, _ in segments], band, dt, kinds, memory, pauses)
     _check_fitted(stretches, recordings[0].source, band.cutoff)
     renewals = [2.0 * timing.leeway for timing in timings]
     step = visible_step([r.position for r in recordings], band.position_noise)
@@ -193,24 +196,27 @@ def _divided(
     sources: Sequence[int],
     band: Bands,
     dt: float,
-    some: bool,
+    kinds: int,
     memory: float,
     pauses: Sequence[np.ndarray],
 ) -> tuple[Stretch, ...]:
-    """Stretches with their train and held-out samples.
+    """Stretches with their train, held-out and untouched samples.
 
-    sources: which recording each is from. dt: s between compared samples. pauses: spans (p, 2) of each, s, that are left out.
+    sources: which recording each is from. dt: s between compared samples. kinds: how many of the last two there are. pauses:
+    spans (p, 2) of each, s, that are left out.
     """
     positions = [part["position"][:: band.stride] for part in parts]
     edge = math.ceil(_edge(band) / dt)
     numbers = hold_out.blocks([len(position) for position in positions], edge)
-    masks = hold_out.held_out(sources, numbers) if some else [np.zeros(len(block), bool) for block in numbers]
+    nothing = [np.zeros(len(block), bool) for block in numbers]
+    masks = hold_out.held_out(sources, numbers) if kinds > 0 else nothing
+    others = hold_out.untouched(sources, numbers) if kinds > 1 else nothing
     unknown = hold_out.unknown(positions, memory)
     stretches = []
-    for part, mask, block, first, paused in zip(parts, masks, numbers, unknown, pauses, strict=True):
-        train, kept = hold_out.divided(mask, edge, first)
+    for part, mask, other, block, first, paused in zip(parts, masks, others, numbers, unknown, pauses, strict=True):
         known = ~part["resting"][:: band.stride] & ~_within(part["t"][:: band.stride], paused)
-        stretches.append(Stretch(**part, train=train & known, held_out=kept & known, piece=block))
+        train, held, apart = (some & known for some in hold_out.divided(mask, other, edge, first))
+        stretches.append(Stretch(**part, train=train, held_out=held, untouched=apart, piece=block))
     return tuple(stretches)
 
 

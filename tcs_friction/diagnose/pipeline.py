@@ -9,7 +9,8 @@
     outcome    judges on held-out data, draws conclusions
 
 Each stage takes and returns frozen records and knows nothing of the later ones. The search asks the remainder once an effect
-or two are found whether to go on makes sense; held-out data are first looked at in the outcome.
+or two are found whether to go on makes sense; held-out data are first looked at in the outcome, and untouched ones when that has
+decided.
 """
 
 from __future__ import annotations
@@ -76,6 +77,20 @@ def diagnose(
     Raises InputError when the recordings cannot carry a torque balance.
     """
     progress = _never_back(progress)
+    balance, explanation = explain(recordings, file, progress)
+    progress(0.92, "proving on held-out data")
+    return conclude(balance, file, explanation, tolerance)
+
+
+def explain(
+    recordings: Sequence[Recording],
+    file: AxisFile,
+    progress: Progress = lambda share, stage: None,  # noqa: ARG005 names are the interface
+) -> Explained:
+    """All of a diagnosis before held-out data are looked at: what explains the recordings, and the balance that says so.
+
+    Raises InputError when the recordings cannot carry a torque balance.
+    """
     progress(0.02, "conditioning the recording")
     data = _prepared(recordings, file.axis, None)
     check_units(data, file.axis)
@@ -87,18 +102,13 @@ def diagnose(
     balance, retuned = as_timed(balance, retuned, prepared)
     late = out_of_step(balance, retuned, prepared)
     explained = _explained(recordings, file.axis, balance, retuned, progress)
-    if late is not None:
-        explained = _likelier(explained, _explained(recordings, file.axis, *late, progress))
-
-    progress(0.92, "proving on held-out data")
-    balance, explanation = explained
-    return conclude(balance, file, explanation, tolerance)
+    return explained if late is None else _likelier(explained, _explained(recordings, file.axis, *late, progress))
 
 
 def _prepared(recordings: Sequence[Recording], believed: Axis, timings: Sequence[LogTiming] | None) -> DataSet:
     """The data set of a believed axis, with timings of the torque; None: as the recordings have it."""
     memory, at_rest = FORGOTTEN * believed.bristle, not believed.friction.term.without_memory
-    return prepare(recordings, memory=memory, at_rest=at_rest, timings=timings)
+    return prepare(recordings, memory=memory, at_rest=at_rest, timings=timings, untouched=True)
 
 
 def _explained(
@@ -170,7 +180,7 @@ def _unless_contradicted_at_rest(
     if retuned.axis.friction.term.without_memory:
         return balance, retuned, retuned
     try:
-        moving = prepare(recordings, at_rest=False, timings=balance.data.timings)
+        moving = prepare(recordings, at_rest=False, timings=balance.data.timings, untouched=True)
     except InputError:  # the axis hardly moves: too few samples are left to ask
         return balance, retuned, retuned
     other = TorqueBalance(moving)

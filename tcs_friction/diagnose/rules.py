@@ -1,7 +1,8 @@
 """Every rule that may refuse a name: what it asks, why, and where that is from.
 
 An effect that explains torque is named if no rule refuses it. A rule that does hands its numbers on: what is described says why.
-`without` leaves rules out, so that a benchmark can tell which worlds need them (`./tcs bench concealed --without RULE`).
+`without` leaves rules out and `ledger` tells which of a search's rules decided something, so that a benchmark can tell which
+worlds need them (`./tcs bench concealed --without RULE`, `./tcs bench ablation`).
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ class Rule:
         """Whether it is asked at all."""
         return self.name not in _left_out
 
+    def decides(self) -> None:
+        """Note that it refused something that would have been taken, or may have been."""
+        for noted in _ledgers:
+            noted.add(self.name)
+
 
 @dataclass(frozen=True)
 class Refusal:
@@ -68,6 +74,21 @@ class Refused:
 
 
 _left_out: set[str] = set()
+_ledgers: list[set[str]] = []
+
+
+@contextmanager
+def ledger() -> Iterator[set[str]]:
+    """Names of the rules that decide something in a search meanwhile, in the whole process.
+
+    Those of finished fits say it themselves (`Found.refused`).
+    """
+    noted: set[str] = set()
+    _ledgers.append(noted)
+    try:
+        yield noted
+    finally:
+        _ledgers.remove(noted)
 
 
 @contextmanager
@@ -125,6 +146,9 @@ SIDE_LINE = Rule("side_line", Family.LARGE, "Is it more than the changing amplit
 COLLISIONS = Rule("collisions", Family.SAME, "Can collisions not look like it?", "worlds with a backlash")
 NOT_WHOLE = Rule("not_whole", Family.MOTION, "Does its order close with the turn?", "geometry")
 DRIVEN = Rule("driven", Family.SAME, "Is its frequency no line of motion and logged torque?", "Astrom and Murray 2008, 12.2")
+ENERGY = Rule(
+    "energy", Family.MOTION, "Does friction with it take energy up to twice the fastest speed?", "second law of thermodynamics"
+)
 STEADY = Rule("steady", Family.SAME, "Does the axis move so unevenly that no wave over its position looks alike?", "phases")
 SUMMED = Rule("summed", Family.SAME, "Do others not cancel it?", "Belsley, Kuh and Welsch 1980, 3.2")
 IMPLAUSIBLE = Rule("implausible", Family.MOTION, "Can it be told in such a motion?", "each effect's own file")
@@ -133,6 +157,8 @@ NOT_RESOLVED = Rule("not_resolved", Family.MOTION, "Can the recording show it wi
 RULES = (
     BEYOND_CHANCE, COMES_BACK, LEFT, PREDICTS, SIZE_TOLD, ECHO, CANCELLED, SIGNAL_MEAN, OUTSHONE, ALL_PREDICT, BELIEVED_BEST,
     MOVES, MAP_INSTEAD, SPECTRUM, ALIGNMENT, SAMPLING, TWICE, WARNED, TOO_SMALL, TOO_LARGE, QUANTISATION, AT_BOUND, SIDE_LINE,
-    COLLISIONS, NOT_WHOLE, DRIVEN, STEADY, SUMMED, IMPLAUSIBLE, NOT_RESOLVED,
+    COLLISIONS, NOT_WHOLE, DRIVEN, ENERGY, STEADY, SUMMED, IMPLAUSIBLE, NOT_RESOLVED,
 )  # fmt: skip
-"""All of them: those of finished fits, then those of a search's candidates."""
+"""All of them: those of finished fits, then those of a search."""
+OF_SEARCH = RULES[RULES.index(MAP_INSTEAD) :]
+"""Those that a search asks; the others are asked of finished fits."""

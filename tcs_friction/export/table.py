@@ -21,9 +21,10 @@ import numpy as np
 from tcs_friction.control.compensator import rested
 from tcs_friction.errors import InputError
 from tcs_friction.export.code import identifier, plain
-from tcs_friction.export.curve import over_position, over_speed, steady
+from tcs_friction.export.curve import over_position
 from tcs_friction.export.request import Exported, Request
 from tcs_friction.export.telling import in_newton_metres, left_out, periodic_over_position
+from tcs_friction.physics.steady_friction import over_speed, steady
 from tcs_friction.physics.terms import Instance, Place
 
 LOOKS = 800  # speeds at which a curve is known, half of them to each side

@@ -7,9 +7,10 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from tcs_friction.errors import InputError
-from tcs_friction.export.curve import Fitted, over_speed
+from tcs_friction.export.curve import Fitted
 from tcs_friction.export.request import Request
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.steady_friction import over_speed
 from tcs_friction.physics.terms import Instance, Place
 
 

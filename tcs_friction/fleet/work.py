@@ -158,9 +158,9 @@ def _diagnosed(row: Row, found: Diagnosis) -> Row:
         statement=found.statement,
         effects=json.dumps(found.to_mapping()["effects"]),
         noise_floor=found.noise_floor,
-        residual_believed=found.believed.held_out,
-        residual_retuned=found.retuned.held_out,
-        residual_improved=found.improved.held_out,
+        residual_believed=found.believed.stated,
+        residual_retuned=found.retuned.stated,
+        residual_improved=found.improved.stated,
     )
 
 

@@ -105,7 +105,7 @@ class _Sight:
 
 
 def _of_joints(seen: _Sight) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The first joint's signals, and the other joints' velocities as what might push on it."""
+    """The first joint's signals, and the other joints' positions and velocities as what might push on it."""
     block, others = {}, {}
     topic = seen.channel.topic
     for name, path in seen.arrays.items():
@@ -115,8 +115,8 @@ def _of_joints(seen: _Sight) -> tuple[dict[str, Any], dict[str, Any]]:
             entry = _entry(topic, path, name, joint)
             if joint == seen.joints[0]:
                 block[name] = entry
-            elif name == "velocity":
-                others[f"{joint}_velocity"] = entry
+            elif name in ("position", "velocity"):
+                others[f"{joint}_{name}"] = entry
     return block, others
 
 

@@ -145,8 +145,8 @@ def _of_joint(roles: Roles, told: Mapping[str, Said], joint: Joint, where: str, 
         if one.joint == joints[name] and one.signal not in ("", "time") and one.signal not in roles.columns:
             roles.take(one.signal, column, one.unit)
         elif len(joints) > 1 and (other := next((k for k, words in joints.items() if words == one.joint and k != name), "")):
-            if one.signal == "velocity":
-                roles.renamed[column] = f"{'j' if other[0].isdigit() else ''}{other}_velocity"
+            if one.signal in ("position", "velocity"):
+                roles.renamed[column] = f"{'j' if other[0].isdigit() else ''}{other}_{one.signal}"
             else:
                 roles.left_out.add(column)
     if len(joints) > 1:

@@ -20,6 +20,7 @@ from tcs_friction.report.diagnosis_plots import (
     draw_series,
     percent,
     plain,
+    stated,
     telling,
 )
 from tcs_friction.report.html import (
@@ -98,12 +99,13 @@ def _numbers(diagnosis: Mapping[str, Any], evidence: Evidence) -> list[Number]:
     fit, unit = diagnosis["fit"], evidence.torque_unit
     names = dict.fromkeys(e["effect"].replace("_", " ") for e in diagnosis["effects"])
     found = ", ".join(names) or ("something without a name" if diagnosis["verdict"] == "unexplained" else "nothing")
-    improved, floor = fit["improved"]["held_out"], fit["noise_floor"]
+    improved, floor = stated(fit["improved"]), fit["noise_floor"]
+    kept = "held-out" if fit["improved"]["untouched"] is None else "untouched"
     over = f"{improved / floor:.2f} times the noise floor" if floor else "noise floor unknown"
     return [
         Number("physics left out", found),
-        Number("held-out residual, as believed", f"{fit['believed']['held_out']:.3g} {unit}"),
-        Number("same physics, best parameters", f"{fit['retuned']['held_out']:.3g} {unit}"),
+        Number(f"{kept} residual, as believed", f"{stated(fit['believed']):.3g} {unit}"),
+        Number("same physics, best parameters", f"{stated(fit['retuned']):.3g} {unit}"),
         Number(
             "with the physics found",
             f"{improved:.3g} {unit}",
@@ -145,7 +147,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
     rows = [
         [
             f"{name}: {words}",
-            *(_digits(diagnosis["fit"][name][part]) for part in ("train", "held_out")),
+            *(_digits(diagnosis["fit"][name][part]) for part in ("train", "held_out", "untouched")),
             _percent(diagnosis["fit"][name]["fit_percent"]),
             _digits(position.get(name)),
             *([_digits(loop[name])] if loop else []),
@@ -159,6 +161,7 @@ def _fit_table(diagnosis: Mapping[str, Any], evidence: Evidence) -> Html:
         "model",
         f"residual, train ({unit})",
         f"residual, held out ({unit})",
+        f"residual, untouched ({unit})",
         "fit of it (1 - NRMSE)",
         f"free-run error{after} ({evidence.position_unit})",
         *([f"closed-loop error{after} ({evidence.position_unit})"] if loop else []),

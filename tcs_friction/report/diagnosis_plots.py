@@ -46,15 +46,20 @@ COLORS = {"believed": BELIEVED, "retuned": RETUNED, "improved": IMPROVED}
 WORDS = {"believed": "as believed", "retuned": "same physics, retuned", "improved": "with the physics found"}
 
 
+def stated(errors: Mapping[str, Any]) -> float:
+    """What a reader is told that a model leaves: of untouched data, or of held-out ones where there are none."""
+    return float(errors["held_out"] if errors["untouched"] is None else errors["untouched"])
+
+
 def ranked(evidence: Evidence) -> list[CoordinateCurve]:
     """Curves of the atlas, most telling coordinate first."""
     return sorted(evidence.atlas, key=lambda curve: -telling(curve.coordinate, curve.share))[:MOST_CURVES]
 
 
-@drawn("message", "Left: what each model leaves of the torque in data that no fit has seen, and the noise floor, which no "
+@drawn("message", "Left: what each model leaves of the torque in data that nothing looked at, and the noise floor, which no "
        "model gets below. Right: where the mismatch lives; measured torque less all else (grey), fitted (blue).")  # fmt: skip
 def draw_message(diagnosis: Mapping[str, Any], evidence: Evidence) -> Figure:
-    """Held-out residuals as bars; the largest named effects by themselves, or else the most telling curve of the atlas."""
+    """What is left of untouched data as bars; the largest named effects by themselves, or the most telling curve of the atlas."""
     named = [one for one in evidence.isolated if one.named]
     largest = sorted(named, key=lambda one: -float(np.mean(np.square(one.fitted))))[:MOST_IN_MESSAGE]
     curves = [] if largest else ranked(evidence)[:1]
@@ -79,7 +84,7 @@ def _draw_effect(axes: Axes, item: Isolated, torque_unit: str) -> None:
 
 
 def _draw_sizes(axes: Axes, fit: Mapping[str, Any], unit: str) -> None:
-    sizes, floor = np.array([float(fit[name]["held_out"]) for name in WORDS]), float(fit["noise_floor"] or 0.0)
+    sizes, floor = np.array([stated(fit[name]) for name in WORDS]), float(fit["noise_floor"] or 0.0)
     least = min(floor or sizes.min(), sizes.min())
     places = np.arange(len(sizes))[::-1]
     axes.barh(places, sizes, 0.62, color=[COLORS[name] for name in WORDS])
@@ -181,7 +186,8 @@ def draw_series(evidence: Evidence, fit: Mapping[str, Any]) -> Picture:
     rows = []
     for name, values in series.items():
         apart = own and name == "believed"
-        title = f"{name}: {fit[name]['held_out']:.3g} {evidence.torque_unit} rms, held out"
+        kept = "held out" if fit[name]["untouched"] is None else "untouched"
+        title = f"{name}: {stated(fit[name]):.3g} {evidence.torque_unit} rms, {kept}"
         reach = believed if apart else scale
         rows.append(
             (
@@ -198,7 +204,7 @@ def draw_series(evidence: Evidence, fit: Mapping[str, Any]) -> Picture:
         )
     caption = (
         "Torque residual over time: the model as believed, retuned, and with the physics found. "
-        "Grey background: held out, never seen by a fit or a choice. Dashed: twice the noise floor."
+        "Grey background: held out, which no fit saw, or untouched, which no choice saw either. Dashed: twice the noise floor."
     )
     return drawn_plot(Plot("before_after", caption, tuple(rows), heights=(1.5,), linked=True))
 

@@ -25,6 +25,7 @@ def stretch(count: int, speed: float) -> Stretch:
         signals=np.stack([np.full(count, 20.0), t]),
         train=~held,
         held_out=held,
+        untouched=np.zeros(compared, bool),
         piece=np.arange(compared) // 10,
         resting=np.zeros(count, bool),
     )

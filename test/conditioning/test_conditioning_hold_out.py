@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,6 +19,7 @@ from tcs_friction.conditioning.hold_out import (
     divided,
     held_out,
     unknown,
+    untouched,
 )
 from tcs_friction.conditioning.preprocessing import prepare
 
@@ -31,6 +34,27 @@ def test_blocks_go_on_through_stretches(sizes: list[int], edge: int) -> None:
     assert numbers[0] == 0
     assert set(np.diff(numbers)) <= {0, 1}
     assert round(1.0 / SHARE) <= numbers[-1] + 1 <= MOST_BLOCKS
+
+
+@given(SIZES, st.integers(1, 20))
+def test_one_block_of_a_lone_recording_is_untouched_unless_blocks_are_few(sizes: list[int], edge: int) -> None:
+    numbers = blocks(sizes, edge)
+    apart, held = (np.concatenate(of([0] * len(sizes), numbers)) for of in (untouched, held_out))
+    number = np.concatenate(numbers)
+    assert len(set(number[apart])) == (1 if number.max() == MOST_BLOCKS - 1 else 0)
+    assert not (apart & held).any()
+
+
+def test_of_several_recordings_the_untouched_block_is_the_end_of_what_is_held_out() -> None:
+    sources, numbers = [0, 1], blocks([800, 800], 1)
+    apart, held = untouched(sources, numbers), held_out(sources, numbers)
+    assert not apart[0].any()
+    assert np.flatnonzero(apart[1]).tolist() == list(range(700, 800))
+    assert held[1].all()
+
+
+def test_a_last_recording_of_one_block_is_held_out_and_nothing_untouched() -> None:
+    assert not np.concatenate(untouched([0, 1], blocks([1500, 100], 1))).any()
 
 
 @given(SIZES, st.integers(1, 20))
@@ -58,22 +82,26 @@ def test_of_several_recordings_the_last_are_held_out_whole(count: int) -> None:
     assert sum(whole) == max(1, round(SHARE * count))
 
 
-@given(st.lists(st.booleans(), min_size=30, max_size=80), st.integers(1, 5), st.integers(0, 10))
-def test_train_and_held_out_data_never_touch(values: list[bool], edge: int, start: int) -> None:
-    mask = np.array(values, bool)
-    train, held = divided(mask, edge, start)
-    assert not (train & mask).any()
-    assert (held <= mask).all()
-    for some in (train, held):
+@given(st.lists(st.integers(0, 2), min_size=30, max_size=80), st.integers(1, 5), st.integers(0, 10))
+def test_parts_of_the_data_never_touch(values: list[int], edge: int, start: int) -> None:
+    kind = np.array(values)
+    parts = divided(kind == 1, kind == 2, edge, start)
+    for number, some in enumerate(parts):
+        assert (kind[some] == number).all()
         assert not some[: max(edge, start)].any()
         assert not some[-edge:].any()
-    if train.any() and held.any():
-        apart = np.abs(np.flatnonzero(train)[:, None] - np.flatnonzero(held)).min()
-        assert apart > edge
-    inside = np.zeros(len(mask), bool)
+    for one, other in itertools.combinations(parts, 2):
+        if one.any() and other.any():
+            assert np.abs(np.flatnonzero(one)[:, None] - np.flatnonzero(other)).min() > edge
+    inside = np.zeros(len(kind), bool)
     inside[max(edge, start) : -edge] = True
-    near = ndimage.maximum_filter1d(mask.astype(np.uint8), 2 * edge + 1, mode="constant").astype(bool)
-    assert (train == (inside & ~near)).all()
+
+    def far_from(mask: np.ndarray) -> np.ndarray:
+        return ~ndimage.maximum_filter1d(mask.astype(np.uint8), 2 * edge + 1, mode="constant").astype(bool)
+
+    assert (parts[0] == (inside & far_from(kind > 0))).all()
+    assert (parts[1] == (inside & (kind == 1) & far_from(kind == 2))).all()
+    assert (parts[2] == (inside & (kind == 2))).all()
 
 
 def test_a_start_is_unknown_until_the_axis_has_moved_over_the_memory() -> None:

@@ -80,6 +80,7 @@ def conditioned(
         resting=np.zeros(len(t), bool),
         train=~held_out & (t > 0.5),  # it starts at rest
         held_out=held_out,
+        untouched=np.zeros(len(t), bool),
         piece=block,
     )
     return DataSet(

@@ -64,6 +64,25 @@ def test_alignment_is_no_wrong_parameter() -> None:
     assert f"acts {-1e3 * late:.2g} ms earlier than stated" in found.statement
 
 
+def test_nothing_but_what_is_stated_depends_on_untouched_data() -> None:
+    """A torque that is wrong there changes no number of the model, no name, no verdict."""
+    recording, plant = telescope(drive_noise=0.05, speed=0.01)
+    data = prepare([recording], untouched=True)
+    t = data.joined("t")[data.untouched]
+    wrong = np.where((recording.t > t[0]) & (recording.t < t[-1]), 3.0, 1.0)
+    file = telescope_file().with_axis(plant)
+    found, other = (diagnose([one], file) for one in (recording, replace(recording, torque=wrong * recording.torque)))
+    assert other.improved.untouched is not None
+    assert found.improved.untouched is not None
+    assert other.improved.untouched > 10.0 * found.improved.untouched
+    assert other.verdict == found.verdict == "match"
+    assert any("untouched data" in line for line in other.limits)
+    assert other.limits[:-1] == found.limits
+    assert other.improved.held_out == pytest.approx(found.improved.held_out, rel=1e-3)
+    assert other.axis_file.axis.inertia == pytest.approx(found.axis_file.axis.inertia, rel=1e-6)
+    assert other.free_run["improved"] > 10.0 * found.free_run["improved"]
+
+
 def test_friction_before_a_recording_is_not_held_against_the_model() -> None:
     """It begins at a reversal, the bristles bent by where the axis came from."""
     recording, plant = telescope(drive_noise=0.05, speed=0.01)

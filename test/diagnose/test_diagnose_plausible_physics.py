@@ -223,6 +223,20 @@ def test_bristles_of_the_law_set_the_least_width_of_a_cable(quiet: tuple[TorqueB
     assert doubt(balance, unfitted(balance, bristly.with_effect(wide), fit.noise), wide, bristly) is None
 
 
+# Energy
+
+
+@pytest.mark.parametrize(("share", "expected"), [(-1.0, None), (0.5, None), (1.5, Doubt.ENERGY)])
+def test_a_drag_that_feeds_energy_into_the_axis_is_none(share: float, expected: Doubt | None) -> None:
+    """A negative drag bends friction down by this share of what the law has at twice the fastest speed."""
+    data = conditioned(np.random.default_rng(8), seconds=SECONDS)
+    fastest = 2.0 * float(np.abs(data.joined("velocity")).max())
+    coefficient = -share * (60.0 + 500.0 * fastest) / fastest**2
+    balance, fit = settled(data)
+    bent = replace(fit.axis, effects=(item("quadratic_drag", coefficient=coefficient),))
+    assert doubt(balance, unfitted(balance, bent, fit.noise), bent.effects[0], axis()) is expected
+
+
 # Lines
 
 

@@ -20,7 +20,7 @@ from tcs_friction.diagnose.fit.noise import white_noise
 from tcs_friction.diagnose.search.candidates import Candidate
 from tcs_friction.diagnose.search.hypotheses import starts
 from tcs_friction.diagnose.search.projection import ProjectedResidual
-from tcs_friction.diagnose.search.rivals import Contest, _tied, contest_for_place, contested
+from tcs_friction.diagnose.search.rivals import Contest, _acting_like, _tied, contest_for_place, contested
 from tcs_friction.diagnose.search.start import Kind, Start
 from tcs_friction.diagnose.search.stepwise import Selection
 from tcs_friction.physics.registry import effect
@@ -201,6 +201,19 @@ def test_a_spring_is_a_rival_of_gravity_also_where_no_round_of_the_search_brough
     fit = settle(balance, replace(plant, effects=(gravity, hose)), white_noise(balance.samples))
     _, contest = contest_for_place(balance, fit, fit.axis.effects[0], [])
     assert [kind for rival in contest.equivalent for kind in rival.kinds] == [Kind("cable_wrap")]
+
+
+def test_what_is_late_swings_or_follows_the_load_competes_for_the_place_of_collisions() -> None:
+    """The torque is stamped 5 ms too early."""
+    recording, plant = telescope(0.3, 0.01, duration=40.0)
+    balance = TorqueBalance(prepare([replace(recording, torque=np.roll(recording.torque, -5))]))
+    fit = settle(balance, plant, white_noise(balance.samples))
+    gap = instance(effect("backlash"), {"gap": 1e-4, "inertia_ratio": 0.1})
+    found = {start.kinds for start in _acting_like(balance, fit, gap, [])}
+    late = {(Kind("transport_delay"),), (Kind("actuator_lag"),)}
+    assert {*late, (Kind("flexible_mode"),), (Kind("load_dependent_friction"),)} >= found >= late
+    known = [as_start(instance(effect("actuator_lag"), {"time_constant": 1e-3}))]
+    assert {start.kinds for start in _acting_like(balance, fit, gap, known)} == found - {(Kind("actuator_lag"),)}
 
 
 def two_signals() -> DataSet:

@@ -14,12 +14,13 @@ from export_axes import axis
 from tcs_friction.config import load_axis, shipped
 from tcs_friction.errors import InputError
 from tcs_friction.export import mjcf
-from tcs_friction.export.curve import fitted, steady
+from tcs_friction.export.curve import fitted
 from tcs_friction.export.formats import format_named
 from tcs_friction.export.request import Exported, Request
 from tcs_friction.export.xml_edit import Document
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law, laws
+from tcs_friction.physics.steady_friction import steady
 from tcs_friction.physics.terms import instance
 
 URDF = """<?xml version="1.0"?>

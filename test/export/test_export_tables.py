@@ -15,11 +15,11 @@ from export_axes import axis, effect_of
 
 from tcs_friction.control.model_compensator import CancellationConfig
 from tcs_friction.errors import InputError
-from tcs_friction.export.curve import over_speed, steady
 from tcs_friction.export.formats import format_named
 from tcs_friction.export.request import Exported, Request
 from tcs_friction.physics.axis import Axis, Drive
 from tcs_friction.physics.registry import laws
+from tcs_friction.physics.steady_friction import over_speed, steady
 
 WAVES = axis("lugre", "cogging", "imbalance", "cable_wrap", "torque_bias")
 

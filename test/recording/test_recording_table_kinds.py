@@ -221,13 +221,13 @@ def test_of_several_joints_one_is_taken_by_name_or_number(
     assert right(found.recording)
     assert found.signals.position.joint == taken
     assert any(note.startswith(f"joint {taken} of 2") for note in found.recording.notes)
-    assert not found.recording.exogenous
+    assert [np.allclose(column, 2.0 * Q) for column in found.recording.exogenous.values()] == ([] if block else [True])
 
 
 def test_other_joints_may_push_on_one_and_a_second_clock_does_not(tmp_path: Path) -> None:
     head = (*JOINTS, "/joint_states/el/velocity", "/joint_states/header/stamp", "/wind/speed")
     found = read(tmp_path / "a.csv", text([T, U, Q, 2 * U, 2 * Q, U, T, U], head), {}, "az")
-    assert sorted(found.recording.exogenous) == ["el_velocity", "wind_speed"]
+    assert sorted(found.recording.exogenous) == ["el_position", "el_velocity", "wind_speed"]
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ def test_a_lerobot_data_set_has_joints_and_episodes(names: object, joint: str, t
     assert np.allclose(found.torque, U)
     assert found.reference is not None
     assert [part.stop - part.start for part in found.segments] == [25, 25]
-    assert not found.exogenous
+    assert [np.allclose(column, 2.0 * Q) for column in found.exogenous.values()] == [True]
     with pytest.raises(InputError, match=r"is a LeRobot data set, expected one of its files, data/chunk-000"):
         read_recordings([tmp_path], SignalMap.from_mapping(SIGNALS, "axis.yaml"))
 

@@ -157,6 +157,7 @@ def test_the_command_tells_what_is_in_a_bag(tmp_path: Path, capsys: pytest.Captu
     assert topic["longest_gap"] == pytest.approx(0.101)
     assert info["signals"]["torque"] == {"topic": TOPIC, "field": "effort", "joint": "azimuth"}
     assert info["signals"]["exogenous"]["elevation_velocity"]["joint"] == "elevation"
+    assert info["signals"]["exogenous"]["elevation_position"]["field"] == "position"
     status, out, _ = run(capsys, "bag", "info", bag)
     assert "gaps: 1, longest 0.101 s; missing: 103" in out
     assert "position: {topic: /joint_states, field: position, joint: azimuth}" in out

@@ -79,9 +79,9 @@ def diagnosis() -> dict[str, Any]:
         ],
         "fit": {
             "noise_floor": 0.3,
-            "believed": {"train": 1.4, "held_out": 1.42, "fit_percent": 90.4},
-            "retuned": {"train": 1.2, "held_out": 1.23, "fit_percent": 91.0},
-            "improved": {"train": 0.3, "held_out": 0.31, "fit_percent": None},
+            "believed": {"train": 1.4, "held_out": 1.42, "untouched": 1.43, "fit_percent": 90.4},
+            "retuned": {"train": 1.2, "held_out": 1.23, "untouched": 1.24, "fit_percent": 91.0},
+            "improved": {"train": 0.3, "held_out": 0.33, "untouched": 0.31, "fit_percent": None},
         },
         "free_run": {"horizon": 1.0, "position_rms": {"believed": 1e-4, "retuned": 8e-5, "improved": 1e-6}},
         "atlas": [
@@ -217,7 +217,7 @@ def test_a_residual_well_above_the_noise_is_not_called_good(
     diagnosis: dict[str, Any], evidence: Evidence, tmp_path: Path
 ) -> None:
     good = write_report(tmp_path / "a", diagnosis, evidence).read_text(encoding="utf-8")
-    diagnosis["fit"]["improved"]["held_out"] = 0.6
+    diagnosis["fit"]["improved"]["untouched"] = 0.6
     bad = write_report(tmp_path / "b", diagnosis, evidence).read_text(encoding="utf-8")
     assert 'class="number good"' in good
     assert 'class="number good"' not in bad

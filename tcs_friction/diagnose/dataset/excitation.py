@@ -186,7 +186,7 @@ def _speed(moving: np.ndarray, axis: Axis) -> list[Limit]:
 
 
 def _acceleration(data: DataSet, axis: Axis) -> list[Limit]:
-    acceleration, torque = data.joined("acceleration"), data.joined("torque")
+    acceleration, torque = data.joined("acceleration"), data.joined("torque")[~data.untouched]
     noise = data.velocity_noise * 2.0 * math.pi * data.cutoff * math.sqrt(0.6)
     inertial = axis.inertia * float(np.sqrt(np.mean(acceleration**2)))
     size = float(np.sqrt(np.mean(torque**2)))

@@ -47,7 +47,7 @@ class TorqueBalance:
         self.reach = (-data.leeway, data.leeway) if reach is None else reach
         self.inertia_known = inertia_known
         self.samples = compared_samples(data, _filter_half_length(data))
-        self.train, self.held_out = self.samples.train, self.samples.held_out
+        self.train, self.held_out, self.untouched = self.samples.train, self.samples.held_out, self.samples.untouched
         self.torque_size = rms(data.joined("torque")[self.train])
         self.terms = TorqueTerms(data)
         self.repeatable = RepeatablePart(data, self.train)

@@ -29,8 +29,8 @@ class ComparedSamples:
     """Which samples of the stretches count in a fit.
 
     dt: s between samples. cutoff: Hz, up to which torques are compared. ends (s + 1,): where each stretch begins, and n.
-    train, held_out (n,) bool. pieces (n,): number of the block of the data. rows (m,): train samples whose whole whitening
-    filter, `half_length` samples on either side, lies in train data.
+    train, held_out, untouched (n,) bool. pieces (n,): number of the block of the data. rows (m,): train samples whose whole
+    whitening filter, `half_length` samples on either side, lies in train data.
     """
 
     dt: float
@@ -38,6 +38,7 @@ class ComparedSamples:
     ends: np.ndarray
     train: np.ndarray
     held_out: np.ndarray
+    untouched: np.ndarray
     pieces: np.ndarray
     half_length: int
     rows: np.ndarray
@@ -83,7 +84,7 @@ def compared_samples(data: DataSet, half_length: int) -> ComparedSamples:
     if train.sum() < (1.0 - MOST_TRIMMED) * data.train.sum():
         train = data.train
     rows = np.flatnonzero(fitted)
-    return ComparedSamples(data.dt, data.cutoff, data.ends, train, data.held_out, data.piece, half_length, rows)
+    return ComparedSamples(data.dt, data.cutoff, data.ends, train, data.held_out, data.untouched, data.piece, half_length, rows)
 
 
 @dataclass(frozen=True, eq=False)

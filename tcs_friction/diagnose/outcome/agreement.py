@@ -175,19 +175,31 @@ def judged(balance: TorqueBalance, axis: Axis) -> np.ndarray:
 
     Train data where none are held out.
     """
-    t, held = balance.data.joined("t"), balance.held_out.copy()
-    for _, begin, end in untimed(balance, axis):
-        held &= (t <= begin) | (t >= end)
+    held = balance.held_out & _timed(balance, axis)
     return next((mask for mask in (held, balance.held_out) if mask.any()), balance.train)
 
 
+def stated(balance: TorqueBalance, axis: Axis) -> np.ndarray:
+    """Samples (n,) that say what an axis is worth: untouched ones but `untimed` ones; none of a short recording."""
+    return np.asarray(balance.untouched & _timed(balance, axis))
+
+
+def _timed(balance: TorqueBalance, axis: Axis) -> np.ndarray:
+    """Samples (n,) at which every event in time of an axis has begun or not, as far as what was fitted says it."""
+    t = balance.data.joined("t")
+    timed = np.ones(len(t), bool)
+    for _, begin, end in untimed(balance, axis):
+        timed &= (t <= begin) | (t >= end)
+    return timed
+
+
 def untimed(balance: TorqueBalance, axis: Axis) -> list[tuple[Instance, float, float]]:
-    """Events in time of an axis that begin where data are held out, and between which two fitted samples (s) that is.
+    """Events in time of an axis that begin where data are not fitted, and between which two fitted samples (s) that is.
 
     Nothing that was fitted says when such an event begins.
     """
     t, blur = balance.data.joined("t"), 1.0 / balance.data.cutoff
-    fitted, held = t[balance.samples.rows], t[balance.held_out]
+    fitted, held = t[balance.samples.rows], t[balance.held_out | balance.untouched]
     found = []
     for item in axis.effects:
         if item.term.event and item.extent is not None:

@@ -19,7 +19,7 @@ from tcs_friction.config import AxisFile, Control
 from tcs_friction.control.loop import Cancellation, LoopRun, simulate_loop, ticks
 from tcs_friction.control.model_compensator import signals_of
 from tcs_friction.diagnose.fit.balance import rms
-from tcs_friction.diagnose.outcome.free_run import held_out_windows
+from tcs_friction.diagnose.outcome.free_run import Kept, kept_windows
 from tcs_friction.errors import TcsError
 from tcs_friction.physics.axis import Axis
 
@@ -47,20 +47,20 @@ class _Recorded:
 
 
 class ClosedLoop:
-    """The loop of an axis file on the references of a data set. horizon: length of a window, s."""
+    """The loop of an axis file on the references of a data set. horizon: length of a window, s. kept: the data with windows."""
 
-    def __init__(self, data: DataSet, control: Control, believed: Axis, horizon: float) -> None:
+    def __init__(self, data: DataSet, control: Control, believed: Axis, horizon: float, kept: Kept = "held_out") -> None:
         self._data, self._control, self._believed = data, control, believed
         step = data.dt / data.stride
         self._length = round(horizon / step)
-        starts = held_out_windows(data, self._length) if self._length else []
+        starts = kept_windows(data, self._length, kept) if self._length else []
         settled = [begins[begins * step >= SETTLE] for begins in starts]
         self._windows = [
             (s, begins) for s, begins in zip(data.stretches, settled, strict=False) if s.reference is not None and len(begins)
         ]
 
     def errors(self, axis: Axis) -> np.ndarray:
-        """Rms (rad) of the position error of an axis within each window (w,) of the held-out data.
+        """Rms (rad) of the position error of an axis within each window (w,).
 
         An axis that is unstable under this controller misses by the whole travel.
         """
@@ -86,9 +86,9 @@ class ClosedLoop:
         return np.array([rms(away[k : k + self._length]) for k in begins])
 
 
-def closed_loop(data: DataSet, file: AxisFile, horizon: float) -> ClosedLoop | None:
+def closed_loop(data: DataSet, file: AxisFile, horizon: float, kept: Kept = "held_out") -> ClosedLoop | None:
     """The loop, where the axis file says how the axis is controlled; `horizon` in s."""
-    return None if file.control is None else ClosedLoop(data, file.control, file.axis, horizon)
+    return None if file.control is None else ClosedLoop(data, file.control, file.axis, horizon, kept)
 
 
 def _followed(s: Stretch, names: tuple[str, ...], control: Control, believed: Axis, axis: Axis) -> LoopRun:

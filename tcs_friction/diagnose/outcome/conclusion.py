@@ -22,7 +22,7 @@ from tcs_friction.diagnose.dataset.coordinates import unit_of
 from tcs_friction.diagnose.dataset.excitation import barred, lacking, limits, passed_once
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.noise_estimate import NO_NOISE, noise_floor
-from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, untimed
+from tcs_friction.diagnose.outcome.agreement import FLOOR_ERROR, judged, stated, untimed
 from tcs_friction.diagnose.outcome.atlas import AtlasEntry, atlas
 from tcs_friction.diagnose.outcome.closed_loop import closed_loop
 from tcs_friction.diagnose.outcome.experiment import next_experiment
@@ -52,12 +52,16 @@ WRONG_PARAMETERS = 1.05  # factor from the retuned residual to the believed one,
 UNEXPLAINED_SHARE = 0.1  # of the power that the named effects explain, from which what remains is the verdict
 TOLERANCE = 1e-3  # of the friction: half of what Coulomb torque is off by in the worst of good recordings (README, 0.19 %)
 FAR_ABOVE = 2.0  # times what noise or an encoder's steps would leave, from which a residual cannot be theirs
+_MovedUntouched = tuple[float, Mapping[str, float], Mapping[str, float]]  # horizon, s; free run and closed loop, by axis
 
 
 def conclude(
     balance: TorqueBalance, file: AxisFile, explanation: Explanation, tolerance: float = TOLERANCE
 ) -> Diagnosis:
-    """The diagnosis; the first place that looks at held-out data. tolerance: share of the friction that may remain."""
+    """The diagnosis; the first place that looks at held-out data, and in the end at untouched ones.
+
+    tolerance: share of the friction that may remain.
+    """
     return _Conclusion(balance, file, _without_a_map_that_predicts_worse(balance, explanation), tolerance).diagnosis()
 
 
@@ -102,11 +106,13 @@ class _Conclusion:
             unexplained = Unexplained(True, left, {"coordinates": ["time"]})
         written, complete = (of(self.balance, self.explanation, every, believed) for of in (named_only, with_described))
         runs = free.typical()
+        told = self._moved_untouched(axes, horizon, loop is not None)
         moves_better = runs["improved"] <= runs["retuned"] and not (loop and loop.improved_is_worse)
         verdict = self._verdict(errors, unexplained, found, moves_better)
         late = fit.axis.lateness if _is_worse(errors["believed"], errors) else 0.0
         added = [item for item in fit.axis.effects if not item.term.tabulated]
         lines = (*limits(data, believed), *passed_once(data, added), *self._untimed(), *self._early_log(found))
+        lines += self._otherwise_elsewhere(errors["improved"])
         if constant is not None:
             unit = unit_of("torque", believed)
             lines += (f"anything, since a constant torque leaves only {constant:.3g} {unit}: inertia or units may be wrong",)
@@ -121,13 +127,13 @@ class _Conclusion:
             effects=found,
             described=described,
             unexplained=unexplained,
-            noise_floor=floor,
+            noise_floor=min(floor, errors["improved"].stated),
             believed=errors["believed"],
             retuned=errors["retuned"],
             improved=errors["improved"],
-            horizon=horizon,
-            free_run=runs,
-            closed_loop=loop.typical() if loop else {},
+            horizon=told[0] if told else horizon,
+            free_run=told[1] if told else runs,
+            closed_loop=told[2] if told else loop.typical() if loop else {},
             atlas=tuple(_atlas_mapping(entry) for entry in located),
             next_experiment=self._experiment(found, floor),
             limits=lines,
@@ -170,6 +176,16 @@ class _Conclusion:
         followed = Moved.of(loop.errors, axes) if loop is not None else None
         return followed if loop and followed and any(map(loop.predicts, followed.errors.values())) else None
 
+    def _moved_untouched(self, axes: Mapping[str, Axis], horizon: float, looped: bool) -> _MovedUntouched | None:
+        """How the axes move in untouched data, over the horizon (s) that held-out data chose; None where none are untouched."""
+        data = self.balance.data
+        horizon = usable_horizon(data, horizon, "untouched")
+        if horizon * data.stride < data.dt:
+            return None
+        free = Moved.of(partial(window_errors, data, horizon=horizon, kept="untouched"), axes).typical()
+        loop = closed_loop(data, self.file, horizon, "untouched") if looped else None
+        return horizon, free, Moved.of(loop.errors, axes).typical() if loop else {}
+
     def _left_by_a_constant(self, errors: Mapping[str, Errors]) -> float | None:
         """What a constant torque leaves of the logged one in held-out data, where every axis leaves far more; else None."""
         torque = self.balance.data.joined("torque")[judged(self.balance, self.explanation.improved.axis)]
@@ -180,11 +196,13 @@ class _Conclusion:
         return self.balance.residual(axis, self.explanation.improved.noise)
 
     def _errors(self, residual: np.ndarray) -> Errors:
-        """Rms on train and on held-out data; on train data twice where none are held out."""
-        held = judged(self.balance, self.explanation.improved.axis)
-        spread = float(np.std(self.balance.data.joined("torque")[held])) if held.any() else 0.0
-        left = rms(residual[held])
-        return Errors(rms(residual[self.balance.train]), left, 100.0 * (1.0 - left / spread) if spread > 0.0 else None)
+        """Rms on train, held-out and untouched data; on train data twice where none are held out."""
+        axis = self.explanation.improved.axis
+        held, apart = judged(self.balance, axis), stated(self.balance, axis)
+        found = Errors(rms(residual[self.balance.train]), rms(residual[held]), rms(residual[apart]) if apart.any() else None)
+        of = apart if apart.any() else held
+        spread = float(np.std(self.balance.data.joined("torque")[of])) if of.any() else 0.0
+        return replace(found, fit=100.0 * (1.0 - found.stated / spread)) if spread > 0.0 else found
 
     def _notes(self) -> tuple[str, ...]:
         fits = {"retuned": self.explanation.retuned, "improved": self.explanation.improved}
@@ -204,6 +222,14 @@ class _Conclusion:
         if not delays or all(timing.stated for timing in self.balance.data.timings):
             return ()
         return (f"whether the torque is {1e3 * delays[0]:.3g} ms late or stamped as much too early, which look alike",)
+
+    def _otherwise_elsewhere(self, errors: Errors) -> tuple[str, ...]:
+        """One line where untouched data are missed by far more than those that decided."""
+        unit, most = unit_of("torque", self.file.axis), FAR_ABOVE * max(errors.train, errors.held_out)
+        if errors.stated <= most:
+            return ()
+        left = f"{errors.stated:.3g} {unit} are left there, {errors.held_out:.3g} of held-out ones"
+        return (f"what happened in untouched data: {left}",)
 
     def _verdict(
         self,

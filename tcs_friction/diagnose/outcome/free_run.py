@@ -2,14 +2,14 @@
 
 A torque residual can be small where it does not matter and large where it does; a free run shows what a simulation with this
 model is worth. Many windows of held-out data start from the measured state; the terms' memories (bristles, delay,
-second body) are those that the measured motion up to there has left in them.
+second body) are those that the measured motion up to there has left in them. What is stated comes from windows of untouched data.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numba import njit
@@ -47,6 +47,8 @@ from tcs_friction.physics.terms import (
     set_surroundings,
 )
 
+Kept = Literal["held_out", "untouched"]
+
 HORIZON = 1.0  # s
 HALVINGS = 4  # of the horizon at most, where two axes move alike
 SHORTEST_PERIODS = 2.0  # of the cutoff, that such a horizon spans: within less, torque and motion hardly change
@@ -59,11 +61,15 @@ FEWEST_WINDOWS = 3
 BY_CHANCE = 0.01  # probability below which a difference is none of chance
 
 
-def usable_horizon(data: DataSet, horizon: float = HORIZON) -> float:
-    """The horizon (s), shorter where no held-out stretch is that long or few windows would fit; 0 without held-out data."""
+def usable_horizon(data: DataSet, horizon: float = HORIZON, kept: Kept = "held_out") -> float:
+    """The horizon (s), shorter where no stretch of what is kept is that long or few windows would fit; 0 where nothing is kept.
+
+    Of untouched data one window does: nothing is chosen by their scatter.
+    """
     step = data.dt / data.stride
-    lengths = [b - a - 1 for mask in _held_out(data) for a, b in mask]
-    return min(horizon, max(lengths, default=0) * step, sum(lengths) * step / WINDOWS_WANTED)
+    lengths = [b - a - 1 for mask in _kept(data, kept) for a, b in mask]
+    wanted = WINDOWS_WANTED if kept == "held_out" else 1
+    return min(horizon, max(lengths, default=0) * step, sum(lengths) * step / wanted)
 
 
 def telling_horizon(data: DataSet, better: Axis, other: Axis) -> float:
@@ -127,17 +133,17 @@ def independent(series: np.ndarray) -> float:
     return min(max(n / max(2.0 * float(positive.sum()) - 1.0, 1.0), 2.0), float(n))
 
 
-def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON) -> np.ndarray:
-    """Rms (rad) of the position error within each window (w,) of `horizon` (s, or what fits) of the held-out data.
+def window_errors(data: DataSet, axis: Axis, horizon: float = HORIZON, kept: Kept = "held_out") -> np.ndarray:
+    """Rms (rad) of the position error within each window (w,) of `horizon` (s, or what fits) of held-out or untouched data.
 
     An error beyond the whole travel counts as the travel, so a model that runs away has a large error but a number. So does a
     model that is too fast to be followed: no axis is, whose motion was sampled like this.
     """
     step = data.dt / data.stride
-    length = round(usable_horizon(data, horizon) / step)
+    length = round(usable_horizon(data, horizon, kept) / step)
     if length < 1:
         return np.zeros(0)
-    starts = held_out_windows(data, length)
+    starts = kept_windows(data, length, kept)
     travel = float(np.ptp(data.joined("position")))
     pieces = max(1, math.ceil(step / min(LONGEST_STEP, 0.2 / axis.fastest_rate()) - 1e-9))
     if pieces > MOST_PIECES:
@@ -177,27 +183,27 @@ def acting_torque(torque: np.ndarray, step: float, late: float) -> np.ndarray:
     return torque + through(torque - torque[0], step, lambda frequency: response(at, 2j * np.pi * frequency))
 
 
-def held_out_windows(data: DataSet, length: int) -> list[np.ndarray]:
-    """First samples of windows of `length` samples of the held-out data, for each stretch; at most some WINDOWS in all."""
+def kept_windows(data: DataSet, length: int, kept: Kept = "held_out") -> list[np.ndarray]:
+    """First samples of windows of `length` samples of what is kept, for each stretch; at most some WINDOWS in all."""
     seconds = length * data.dt / data.stride
-    return _windows(_held_out(data), length, round(WINDOWS * max(HORIZON / seconds, 1.0)))
+    return _windows(_kept(data, kept), length, round(WINDOWS * max(HORIZON / seconds, 1.0)))
 
 
-def _held_out(data: DataSet) -> list[list[tuple[int, int]]]:
-    """For each stretch the runs (first, last + 1) of evaluated samples that are held out, halts on the way among them."""
+def _kept(data: DataSet, kept: Kept) -> list[list[tuple[int, int]]]:
+    """For each stretch the runs (first, last + 1) of evaluated samples that are kept, halts on the way among them."""
     return [
-        [(a * data.stride, min((b - 1) * data.stride + 1, len(s.t))) for a, b in _blocks(s, data.stride)]
+        [(a * data.stride, min((b - 1) * data.stride + 1, len(s.t))) for a, b in _blocks(s, getattr(s, kept), data.stride)]
         for s in data.stretches
     ]
 
 
-def _blocks(s: Stretch, stride: int) -> list[tuple[int, int]]:
-    """Runs (first, last + 1) of compared samples from a held-out one to another, with nothing but rest between them."""
+def _blocks(s: Stretch, mask: np.ndarray, stride: int) -> list[tuple[int, int]]:
+    """Runs (first, last + 1) of compared samples from one in a mask (m,) to another, with nothing but rest between them."""
     blocks = []
-    for a, b in runs(s.held_out | s.resting[::stride]):
-        kept = np.flatnonzero(s.held_out[a:b])
-        if len(kept):
-            blocks.append((int(a + kept[0]), int(a + kept[-1] + 1)))
+    for a, b in runs(mask | s.resting[::stride]):
+        inside = np.flatnonzero(mask[a:b])
+        if len(inside):
+            blocks.append((int(a + inside[0]), int(a + inside[-1] + 1)))
     return blocks
 
 

@@ -47,7 +47,8 @@ def evidence_of(
     lacks: of the believed friction law. friction: against speed. named: identities of effects that are.
     """
     axis = fit.axis
-    t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | balance.held_out)  # without the ends of stretches
+    apart = balance.held_out | balance.untouched
+    t, counted = balance.data.joined("t"), np.flatnonzero(balance.train | apart)  # without the ends of stretches
     thin = counted[:: max(1, len(counted) // PLOTTED)]
     peaks = counted[np.unique(np.concatenate([envelope(x[counted], PLOTTED // 2) for x in residuals.values()]))]
     curves = (
@@ -61,7 +62,7 @@ def evidence_of(
         believed=residuals["believed"][peaks],
         retuned=residuals["retuned"][peaks],
         improved=residuals["improved"][peaks],
-        held_out=balance.held_out[peaks],
+        held_out=apart[peaks],
         atlas=tuple(curves),
         isolated=tuple(
             replace(_isolated(balance.data, axis, item, x, residuals["improved"], thin), named=item.identity in named)

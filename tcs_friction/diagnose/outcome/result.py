@@ -146,15 +146,24 @@ class Seen:
 
 @dataclass(frozen=True)
 class Errors:
-    """Train and held-out rms of a torque residual, N m. fit: of the held-out torque that is met, 1 less NRMSE; per cent."""
+    """Rms of a torque residual, N m, of train, held-out and untouched data; of the last None where a recording is too short.
+
+    fit: of the torque that is met where `stated` is from, 1 less NRMSE; per cent.
+    """
 
     train: float
     held_out: float
+    untouched: float | None = None
     fit: float | None = None
+
+    @property
+    def stated(self) -> float:
+        """What a reader is told, N m rms: of untouched data, or of held-out ones where there are none."""
+        return self.held_out if self.untouched is None else self.untouched
 
     def to_mapping(self) -> dict[str, float | None]:
         """As diagnosis.json has it."""
-        return {"train": self.train, "held_out": self.held_out, "fit_percent": self.fit}
+        return {"train": self.train, "held_out": self.held_out, "untouched": self.untouched, "fit_percent": self.fit}
 
 
 @dataclass(frozen=True)
@@ -183,8 +192,9 @@ class Diagnosis:
 
     headline: one short sentence; statement: with the details. effects: named ones. described: those that a rule refused. refused:
     effects that a rule kept out of the fit. timing: when the torque of each recording acts. axis_file: the improved axis, with
-    what is named, ready to simulate; written: what it leaves. complete_file: the same with what is described, too. seen: what
-    the recordings showed. visible: what could have been found in them. evidence: draws the report.
+    what is named, ready to simulate; written: what it leaves. complete_file: the same with what is described, too. horizon,
+    free_run, closed_loop: of untouched data where there are any. seen: what the recordings showed. visible: what could have been
+    found in them. evidence: draws the report.
     """
 
     verdict: Verdict

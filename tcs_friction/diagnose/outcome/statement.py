@@ -29,30 +29,31 @@ def statement(
     `law`: the friction law of the improved axis, where it is another than believed. `worse`: effects with which a simulation
     moves worse, so that they are not named.
     """
-    held = {name: f"{value.held_out:.3g}" for name, value in errors.items()}
+    held = {name: f"{value.stated:.3g}" for name, value in errors.items()}
+    data = "held-out" if errors["improved"].untouched is None else "untouched"
     floor = f"noise floor {noise_floor:.3g} {unit}"
     if verdict == "match":
-        text = f"The model matches the recording: its residual on held-out data, {held['retuned']} {unit}, is noise ({floor})."
+        text = f"The model matches the recording: it leaves {held['retuned']} {unit} of {data} data ({floor})."
         if late:
             when = f"{abs(1e3 * late):.2g} ms {'later' if late > 0.0 else 'earlier'} than stated"
             text += f" Its torque acts {when}, within the log's sampling."
     elif verdict == "parameters" and law:
         text = f"No named physics is missing, but another friction law, {law}, "
         if held["retuned"] == held["improved"]:
-            text += f"does as well as the retuned one, with {held['improved']} {unit} left of held-out data ({floor})."
+            text += f"does as well as the retuned one, with {held['improved']} {unit} left of {data} data ({floor})."
         else:
-            text += f"takes the held-out residual from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})."
+            text += f"takes the {data} residual from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})."
     elif verdict == "parameters":
         text = (
-            f"No physics is missing, but parameters are off: retuning takes the held-out residual from {held['believed']}"
+            f"No physics is missing, but parameters are off: retuning takes the {data} residual from {held['believed']}"
             f" to {held['retuned']} {unit} ({floor})."
         )
     else:
         names = listed([_phrase(found, unit) for found in effects[:SPOKEN]])
         if len(effects) > SPOKEN:
             names += f", and smaller {listed(effect_words(effects[SPOKEN:]))}"
-        way = "falls" if errors["improved"].held_out < errors["retuned"].held_out else "does not fall:"
-        gain = f"the held-out residual {way} from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
+        way = "falls" if errors["improved"].stated < errors["retuned"].stated else "does not fall:"
+        gain = f"the {data} residual {way} from {held['retuned']} (retuned) to {held['improved']} {unit} ({floor})"
         over = " and ".join((unexplained.where or {}).get("coordinates", []))
         if verdict == "missing_physics":
             text = f"The model lacks {names}: with {'it' if len(effects) == 1 else 'them'} {gain}."
@@ -68,7 +69,7 @@ def statement(
             elif held["retuned"] != held["improved"]:
                 text += f", which no map predicts; with what is described {gain}"
             else:
-                text += f", which no map predicts; the held-out residual stays at {held['improved']} {unit} ({floor})"
+                text += f", which no map predicts; the {data} residual stays at {held['improved']} {unit} ({floor})"
             text += f": look at what changes with {over}."
     if worse:
         text += f" A simulation with {listed(effect_words(worse))} predicts torque better and moves worse: described, not named."

@@ -84,6 +84,7 @@ def _map_instead(
     power = [np.mean(balance.residual(x.axis, alone.noise)[balance.train] ** 2) for x in (alone, best)]
     if lost > max(needed, TIE * balance.samples.effective_count) or power[0] > (1.0 + TIE) * power[1]:
         return None
+    rules.MAP_INSTEAD.decides()
     complete = misfit(balance, balance.residual(alone.axis, alone.noise)) < COMPLETE**2
     return MapInstead(alone, whole, bool(complete))
 

@@ -120,9 +120,11 @@ def _candidate(
     items = candidate.items
     terms = [item.term for item in items]
     limit = threshold(balance, terms, start.count, start.alternatives)
-    why_not = next(filter(None, (doubt(balance, fit, item, base.axis) for item in items)), None)
+    gained = (base.squares - fit.squares) / dispersion
+    doubts = (doubt(balance, fit, item, base.axis, decides=gained > limit) for item in items)
+    why_not = next(filter(None, doubts), None)
     if why_not is not None:
-        return replace(candidate, threshold=limit, doubt=why_not, doubted=(base.squares - fit.squares) / dispersion)
+        return replace(candidate, threshold=limit, doubt=why_not, doubted=gained)
     loads = {item.identity: gains_of_load(balance, fit, item) for item in items if follows_load(item.term)}
     from_noise = sum(by_noise for _, by_noise in loads.values())
     gain = (squares_gained(balance, base, fit, items) - from_noise) / dispersion / start.noise_excess

@@ -9,6 +9,7 @@ import enum
 import itertools
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.search.matched_filter import FEWEST_PERIODS, ONE_WAVE, same_wave, wave_angle
 from tcs_friction.diagnose.search.projection import survey
 from tcs_friction.diagnose.search.significance import chance
+from tcs_friction.numerics.runs import runs
 from tcs_friction.physics.axis import Axis
+from tcs_friction.physics.steady_friction import over_speed, steady
 from tcs_friction.physics.terms import Instance, Parameter, Place, Role, Survey
 
 LARGEST_TORQUE = 1.2  # of the logged torque's rms: an effect that is larger cancels against another one
@@ -36,6 +39,8 @@ AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
 TINY = 1e-300  # s, instead of no lag
+BEYOND_SEEN = 2.0  # times the fastest speed seen: what a next experiment may ask for (outcome/experiment.py)
+SPEEDS = 24  # at which friction is asked whether it takes energy
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -54,6 +59,7 @@ class Doubt(enum.Enum):
     COLLISIONS = rules.COLLISIONS
     NOT_WHOLE = rules.NOT_WHOLE
     DRIVEN = rules.DRIVEN
+    ENERGY = rules.ENERGY
     STEADY = rules.STEADY
     CANCELLED = rules.SUMMED
     IMPLAUSIBLE = rules.IMPLAUSIBLE
@@ -65,14 +71,25 @@ class Doubt(enum.Enum):
         return self.value.asked
 
 
-def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Doubt | None:
-    """Why an effect of a fit cannot be what it says; `base`: the axis that it was searched on."""
-    return next((one for one in _doubts(balance, fit, item, base) if one.asked), None)
+def doubt(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis, decides: bool = True) -> Doubt | None:
+    """Why an effect of a fit cannot be what it says.
+
+    base: the axis that it was searched on. decides: whether the answer may change anything; only then is it in the ledger.
+    """
+    return _first(_doubts(balance, fit, item, base), decides)
 
 
 def doubtful_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Doubt | None:
     """Why an effect's size or values cannot be."""
-    return next((one for one in _doubts_of_size(balance, fit, item) if one.asked), None)
+    return _first(_doubts_of_size(balance, fit, item))
+
+
+def _first(doubts: Iterator[Doubt], decides: bool = True) -> Doubt | None:
+    """The first of the doubts whose rule is asked, which is noted if it decides something."""
+    found = next((one for one in doubts if one.asked), None)
+    if found is not None and decides:
+        found.value.decides()
+    return found
 
 
 def _doubts(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis) -> Iterator[Doubt]:
@@ -116,8 +133,24 @@ def _unlike_physics(balance: TorqueBalance, fit: Fit, item: Instance, base: Axis
         yield Doubt.DRIVEN
     if item.term.periodic == "time" and _steady(balance, fit.axis, item):
         yield Doubt.STEADY
+    if item in over_speed(fit.axis) and _feeds_energy(balance, fit.axis):
+        yield Doubt.ENERGY
     if _cancelled(balance, fit, item):
         yield Doubt.CANCELLED
+
+
+def _feeds_energy(balance: TorqueBalance, axis: Axis) -> bool:
+    """Whether friction over the speed feeds energy into the axis at some speed that a motion may have, which no friction does.
+
+    A drag of negative sign may bend a law's friction down, as far as that is larger. A simulation that comes to where it is not
+    runs away: looked at are speeds up to twice the fastest one that was seen, the most that a next motion is asked for.
+    """
+    velocity = balance.data.joined("velocity")
+    alone = replace(axis, effects=over_speed(axis))
+    fastest = BEYOND_SEEN * float(np.abs(velocity).max())
+    speeds = np.linspace(1.0 / SPEEDS, 1.0, SPEEDS) * fastest
+    ways = [way for way in (-1.0, 1.0) if (way * velocity > balance.data.speed_threshold).any()]
+    return any(bool((way * steady(alone, way * speeds) < 0.0).any()) for way in ways)
 
 
 def _doubts_of_size(balance: TorqueBalance, fit: Fit, item: Instance) -> Iterator[Doubt]:
@@ -165,11 +198,13 @@ def _whole(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
 def _driven(balance: TorqueBalance, fit: Fit, item: Instance) -> bool:
     """Whether the logged torque has a line at a vibration's frequency beyond any answer to the vibration.
 
-    The line is then the motion's own or friction's harmonic of it, and what a model of friction leaves there is no vibration.
+    The line is then the motion's own or friction's harmonic of it, and what a model of friction leaves there is no vibration. A
+    line of the motion is one of the torque: by the balance their sizes differ by no more than the vibration and friction's line.
     """
     data = balance.data
-    s = max(data.stretches, key=lambda stretch: len(stretch.t))
-    t, torque = s.t[:: data.stride], s.torque[:: data.stride]
+    longest = [(s, max(runs(~s.untouched), key=np.ptp)) for s in data.stretches]
+    s, (a, b) = max(longest, key=lambda one: np.ptp(one[1]))
+    t, torque = s.t[:: data.stride][a:b], s.torque[:: data.stride][a:b]
     window = np.hanning(len(t))
     series = window * (torque - np.mean(torque))
 

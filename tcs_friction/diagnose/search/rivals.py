@@ -41,7 +41,7 @@ from tcs_friction.diagnose.search.significance import (
     ODDS,
     threshold,
 )
-from tcs_friction.diagnose.search.start import Kind, Start, kind_of
+from tcs_friction.diagnose.search.start import Kind, Start, follows_load, kind_of
 from tcs_friction.diagnose.search.stepwise import Progress, Selection, close_behind
 from tcs_friction.diagnose.search.waves import wave_start
 from tcs_friction.physics.terms import Instance, Need, Place, Term
@@ -196,15 +196,17 @@ def _acting_like(balance: TorqueBalance, alone: Fit, item: Instance, known: Sequ
     """Starts of effects not yet known that act as an effect does; a general effect hides its special cases.
 
     They act through its recorded signal, or are slopes over the position as it is, or friction over the position where the axis
-    moves one way only.
+    moves one way only. What is late, swings or follows the load looks like collisions: torque is missed after each reversal.
     """
     sloping = _is_slope(balance, alone, item)
     one_way = item.term.slow_over_position and Need.BOTH_DIRECTIONS in lacking(balance.data, alone.axis)
-    if not (item.signal or sloping or one_way):
+    if not (item.signal or sloping or one_way or item.term.collides):
         return []
 
     def alike(term: Term, signal: str | None) -> bool:
         friction = term.place is Place.SCALE and term.coordinate == "position"
+        if item.term.collides:
+            return term.filters or (term.resonates and not term.collides) or follows_load(term)
         return (signal == item.signal) if item.signal else (sloping and term.slow_over_position) or (one_way and friction)
 
     projected = ProjectedResidual(balance, alone)

@@ -17,6 +17,7 @@ from functools import lru_cache, partial
 import numpy as np
 from scipy import ndimage
 
+from tcs_friction.diagnose import rules
 from tcs_friction.diagnose.fit.balance import TorqueBalance
 from tcs_friction.diagnose.fit.joint_fit import (
     Fit,
@@ -374,5 +375,6 @@ def beyond_remaining_spectrum(balance: TorqueBalance, fit: Fit, retuned: Fit) ->
             margins.append(gain - chance(fit.numbers_of(item), 1.0 / FALSE_ALARM))
         if min(margins) > 0.0:
             break
+        rules.SPECTRUM.decides()
         fit = settle(balance, fewer[int(np.argmin(margins))].axis, noise, rounds=1)
     return fit

@@ -1,4 +1,7 @@
-"""Coupling from another axis: torque in proportion to its acceleration, from its recorded velocity."""
+"""Coupling from another axis: torque in proportion to its acceleration, from its recorded velocity.
+
+What is in proportion to the velocity or the position itself, as the weight of the next link over a short travel, is `exogenous`.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,8 @@ def torque(motion: Any, parameters: Any, state: Any, dt: float) -> float:
 
 
 def may_be_a_velocity(name: str) -> bool:
-    """Whether a recorded signal of this name may be another axis' velocity: anything but a wind."""
-    return not names_wind(name)
+    """Whether a recorded signal of this name may be another axis' velocity: anything but a wind or a position."""
+    return not names_wind(name) and not name.endswith("_position")
 
 
 TERM = Term(
