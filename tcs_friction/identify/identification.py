@@ -52,6 +52,8 @@ COLOURED = "errors of prediction are not white: the model lacks something, and i
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinion; steps of its fit
 SAME_VALLEY = 1.01  # times the least cost: another search that ends so near has found the same
+STATIC_INDEX, DROP_INDEX = 1, 2  # of LuGre's unknowns
+OTHER_DROPS, DROPPING = 3, 1.5  # speeds of a drop that are tried beside the one found; static by Coulomb torque there
 MOST_SEARCHES = 10  # until the least cost is found twice
 VALLEY_STEPS, VALLEY_GAIN = 30, 1e-3  # of the fit that ends each: steps, and the relative gain that ends it
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
@@ -325,6 +327,8 @@ def _search(
     if settings is None:
         settings = operators.alone(options.swarm, method)
     found = pso_ga.search(cost, count, seed, settings, progress=progress, cancel=cancel)
+    if method == "default" and isinstance(cost, ShapeCost) and found.outcome is not Outcome.CANCELLED:
+        return _other_drop(cost, found, problem, space, options.loss)
     if method != "default" or not isinstance(cost, AnyCost):
         return found, cost.unknowns(found.position)
     ends: list[tuple[pso_ga.SearchResult, Refined]] = []
@@ -340,6 +344,24 @@ def _search(
     best, refined = ends[int(np.argmin(costs))]
     evaluations = sum(one.evaluations + end.evaluations for one, end in ends)
     return replace(best, evaluations=evaluations, outcome=found.outcome), refined.unknowns
+
+
+def _other_drop(
+    cost: ShapeCost, found: pso_ga.SearchResult, problem: Problem, space: Space, loss: str
+) -> tuple[pso_ga.SearchResult, np.ndarray]:
+    """A search and what it found, or a drop of friction at another speed that a fit of all samples leads lower from.
+
+    A search sees a part of the samples, and no static friction below Coulomb's; a fit goes to what is near, not to what is best.
+    """
+    slow, top = cost.box.values(np.array([[0.0] * 3, [1.0] * 3]))[:, DROP_INDEX]
+    first = cost.unknowns(found.position)
+    others = np.tile(first, (OTHER_DROPS, 1))
+    others[:, DROP_INDEX], others[:, STATIC_INDEX] = np.geomspace(slow, top, OTHER_DROPS + 2)[1:-1], DROPPING * first[0]
+    ends = [refit(problem, start, space, loss, VALLEY_STEPS, VALLEY_GAIN) for start in (first, *others)]
+    costs = np.array([end.cost for end in ends])
+    evaluations = found.evaluations + sum(end.evaluations for end in ends)
+    lower = SAME_VALLEY * costs.min() < costs[0]
+    return replace(found, evaluations=evaluations), ends[int(np.argmin(costs))].unknowns if lower else first
 
 
 def _for_dimensions(count: int) -> SwarmOptions:

@@ -6,18 +6,25 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from identify_cases import LUGRE, axis_of, recording, series
+from identify_cases import LUGRE, SPEED, axis_of, recording, series
 
+from tcs_friction.conditioning.motion import prepare
 from tcs_friction.config import AxisFile, load_axis, save_axis
-from tcs_friction.identify import searches
-from tcs_friction.identify.identification import IdentifyOptions, identified_axis, identify
+from tcs_friction.identify import identification, pso_ga, searches
+from tcs_friction.identify.conclusions import refit
+from tcs_friction.identify.cost import ShapeCost
+from tcs_friction.identify.identification import QUICK, IdentifyOptions, identified_axis, identify
 from tcs_friction.identify.minimum import NO_MINIMUM, standard_errors_away
 from tcs_friction.identify.operators import SwarmOptions
+from tcs_friction.identify.problem import pose
+from tcs_friction.identify.refine import Refined
 from tcs_friction.identify.result import RISING, Estimate
 from tcs_friction.identify.searches import compare_searches, residual_rms
+from tcs_friction.identify.start import believed_start, space_of
 from tcs_friction.identify.words import rising
 from tcs_friction.numerics.outcome import Outcome
 from tcs_friction.physics.registry import effect
@@ -173,3 +180,24 @@ def test_other_laws_are_not_said_to_rise(law: str, static: float, determined: bo
     parameters = {"coulomb": Estimate(78.0, 1.0, "N m"), "static": Estimate(static, 1.0, "N m", determined)}
     assert rising(axis_of(values, law), parameters) == ()
     assert rising(axis_of(), {"coulomb": parameters["coulomb"]}) == ()
+
+
+def test_a_drop_at_another_speed_is_found_where_a_search_missed_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that ended on a broad drop, as one of a coarse encoder did: Coulomb 7.7 for 6.3 N m, static 6.5 for 8.4."""
+    problem = pose(axis_of(), prepare([recording(axis_of())]))
+    cost, space = ShapeCost(problem, True, True, believed_start(problem)), space_of(problem, True, True, False)
+    found = pso_ga.search(cost, 3, 1, QUICK)
+    broad = replace(found, position=cost.box.position(np.array([4e-4, 1.5, SPEED])))
+    missed = cost.unknowns(broad.position)
+    assert (identification._other_drop(cost, found, problem, space, "squares")[1] == cost.unknowns(found.position)).all()
+
+    def stays(*given: Any) -> Refined:
+        """A fit that does not leave its valley, and the truth is where friction drops at 6e-4 rad/s."""
+        apart = abs(math.log(given[1][2] / LUGRE["stribeck_velocity"]))
+        return replace(refit(*given[:4], 0), unknowns=given[1], cost=1.0 + apart)
+
+    monkeypatch.setattr(identification, "refit", stays)
+    search, again = identification._other_drop(cost, broad, problem, space, "squares")
+    assert abs(math.log(again[2] / LUGRE["stribeck_velocity"])) < 0.5 * abs(math.log(missed[2] / LUGRE["stribeck_velocity"]))
+    assert again[1] > again[0]
+    assert search.evaluations > found.evaluations
