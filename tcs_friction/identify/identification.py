@@ -417,21 +417,9 @@ class _Torques:
         held = np.arange(len(unknowns)) < size
         return refit(self.problem, unknowns, self.space.holding(held), self.loss, VALLEY_STEPS)
 
-    def retimed(self, sharp: Sharpened) -> np.ndarray | None:
-        """Law, inertia, offset and lateness (k + 3,) of a fit of torques at the timing of predictions; None where it leaves more.
-
-        A law that was fitted at another timing has made up for it, and would hold predictions off. Bent torques tell no law.
-        """
-        kept = sharp.unknowns[: self.problem.states_index].copy()
-        if self._bent(sharp):
-            return kept
-        unknowns, free = self.verdicts.refined.unknowns.copy(), self.verdicts.space.free[: len(kept)]
-        unknowns[self.problem.lateness_index] = kept[self.problem.lateness_index]
-        again = refit(self.problem, unknowns, self.verdicts.space, self.loss, VALLEY_STEPS)
-        if not self._explained(again):
-            return None
-        kept[free] = again.unknowns[: len(kept)][free]
-        return kept
+    def ruled_out(self, sharp: Sharpened) -> bool:
+        """Whether predictions in time, with the law of the torques, leave more of the torque. Bent torques do not tell it."""
+        return not self._bent(sharp) and not self._explained(self.refitted(sharp))
 
     def hopeless(self, sharp: Sharpened) -> bool:
         """Whether predictions that are under way leave more of the torque, however that is told: the law is another."""

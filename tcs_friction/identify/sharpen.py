@@ -133,8 +133,8 @@ class Torques(Protocol):
     @property
     def left(self) -> float: ...
 
-    def retimed(self, sharp: Sharpened) -> np.ndarray | None:
-        """Law, inertia, offset and lateness (k + 3,) of the torques at the timing of predictions; None where it is ruled out."""
+    def ruled_out(self, sharp: Sharpened) -> bool:
+        """Whether predictions in time, with the law of the torques, leave more of the torque."""
 
     def hopeless(self, sharp: Sharpened) -> bool:
         """Whether predictions that are under way leave more of the torque: the law is another."""
@@ -186,12 +186,11 @@ def _begun(
     in_time = space.holding(np.arange(len(start)) < len(start) + INERTIA)
     for _ in range(2):
         fit = _refined(predictor, start, in_time, loss, cancel)
-        found = Sharpened(fit.unknowns, space, fit, predictor.evaluations, predictor)
-        retimed = torques.retimed(found)
-        if retimed is None:
+        start = fit.unknowns
+        found = Sharpened(start, space, fit, predictor.evaluations, predictor)
+        if torques.ruled_out(found):
             return replace(found, hopeless=True)
-        start = np.concatenate([retimed, fit.unknowns[-NUISANCES:]])
-    return replace(found, unknowns=start)
+    return found
 
 
 def _fitted(found: Sharpened, loss: str, torques: Torques, cancel: Callable[[], bool]) -> Sharpened:
@@ -210,7 +209,7 @@ def _fitted(found: Sharpened, loss: str, torques: Torques, cancel: Callable[[], 
         fit = _refined(predictor, start, space, loss, cancel)
         moved, start = _moved(fit, start, space), fit.unknowns
         found = Sharpened(start, space, fit, evaluations + predictor.evaluations, predictor)
-        if number and torques.hopeless(found):  # the first has the noise of another law
+        if torques.hopeless(found):
             return replace(found, hopeless=True)
         exact, level = predictor.finer(start), math.sqrt(float(np.mean(fit.residual[fit.weights > 0.0] ** 2)))
         if cancel() or (moved < SETTLED and number and exact is predictor and LEVEL[0] < level < LEVEL[1]):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ from tcs_friction.cli import main
 from tcs_friction.commands import ros as command
 from tcs_friction.commands.parser import parser_of
 from tcs_friction.errors import InputError
-from tcs_friction.nodes.ros.asker import ANSWER_LIMIT
 from tcs_friction.nodes.ros.interface_values import as_yaml, from_yaml, interface, plain
 
 KINDS = "|".join(command.VERBS)
@@ -108,9 +106,7 @@ def look_at_topics(processes: Any, ros: Ros) -> None:
     assert "temperature=21.0" in published
     misspelt = "tcs-friction: topic /azimuth/joint_state: not found, expected /azimuth/joint_states"
     assert ros("topic echo /azimuth/joint_state")[2].startswith(misspelt)
-    begin = time.monotonic()
     assert ros("topic info /azimuth/joint_state")[2].startswith(misspelt)
-    assert time.monotonic() - begin < ANSWER_LIMIT  # who is there is known, and that nobody has it
     assert wait_until(lambda: "average rate: " in processes.log("ros"), 30.0), processes.log("ros")
     assert processes.interrupt("ros") == 130
     rate = r"average rate: \d+\.\d{3}\n\tmin: \d\.\d{3}s max: \d+\.\d{3}s std dev: \d\.\d{5}s window: \d+\n"

@@ -62,12 +62,19 @@ class Asker:
         return news.found
 
     def types(self, what: str, name: str, look: Callable[[], Found]) -> list[str]:
-        """The types of a topic or service by its name. Raises JobError where nobody has it."""
-        news = _News(self.node, look)
-        self.until(lambda: news.are_over() or name in news.found, ANSWER_LIMIT)
-        found: Any = news.found
-        if name not in found:
-            raise JobError(f"{what} {name}", "not found", nearest(name, found) if news.others else "its graph to run")
+        """The types of a topic or service by its name, which is waited for: a busy machine tells the graph bit by bit.
+
+        Raises JobError where nobody has it.
+        """
+        found: Any = {}
+
+        def known() -> bool:
+            nonlocal found
+            found = look()
+            return name in found
+
+        if not self.until(known, ANSWER_LIMIT):
+            raise JobError(f"{what} {name}", "not found", nearest(name, found) if found else "its graph to run")
         return list(found[name])
 
     def services(self) -> dict[str, list[str]]:
