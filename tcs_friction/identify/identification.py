@@ -23,7 +23,7 @@ from tcs_friction.identify.linear_balance import likely_inertia
 from tcs_friction.identify.minimum import End, end_of_search
 from tcs_friction.identify.models import AnyModel
 from tcs_friction.identify.operators import SwarmOptions
-from tcs_friction.identify.owed import DROP
+from tcs_friction.identify.owed import DROP, DROPS
 from tcs_friction.identify.problem import Problem, pose, settled
 from tcs_friction.identify.profile import profiles
 from tcs_friction.identify.pso_ga import Generation
@@ -52,8 +52,7 @@ COLOURED = "errors of prediction are not white: the model lacks something, and i
 CONTRADICTED = "predictions contradict the fit of torques, which is kept: the model lacks something"
 WIDER, SHIFT_STEPS = 1.6, 4  # times the low pass' bandwidth, for another opinion; steps of its fit
 SAME_VALLEY = 1.01  # times the least cost: another search that ends so near has found the same
-STATIC_INDEX, DROP_INDEX = 1, 2  # of LuGre's unknowns
-OTHER_DROPS, DROPPING = 3, 1.5  # speeds of a drop that are tried beside the one found; static by Coulomb torque there
+DROPPING = 1.5  # static by Coulomb torque where fits of drops at other speeds start: of the paper's axis, 117.2 by 78.1 N m
 MOST_SEARCHES = 10  # until the least cost is found twice
 VALLEY_STEPS, VALLEY_GAIN = 30, 1e-3  # of the fit that ends each: steps, and the relative gain that ends it
 METHODS = ("default", "pso-ga", "pso", "ga", "paper")
@@ -353,10 +352,11 @@ def _other_drop(
 
     A search sees a part of the samples, and no static friction below Coulomb's; a fit goes to what is near, not to what is best.
     """
-    slow, top = cost.box.values(np.array([[0.0] * 3, [1.0] * 3]))[:, DROP_INDEX]
+    coulomb, static, drop = (problem.names.index(name) for name in ("coulomb", "static", DROP))
+    slow, top = (bound[cost.box.names.index(DROP)] for bound in (cost.box.lower, cost.box.upper))
     first = cost.unknowns(found.position)
-    others = np.tile(first, (OTHER_DROPS, 1))
-    others[:, DROP_INDEX], others[:, STATIC_INDEX] = np.geomspace(slow, top, OTHER_DROPS + 2)[1:-1], DROPPING * first[0]
+    others = np.tile(first, (DROPS, 1))
+    others[:, drop], others[:, static] = np.geomspace(slow, top, DROPS + 2)[1:-1], DROPPING * first[coulomb]
     ends = [refit(problem, start, space, loss, VALLEY_STEPS, VALLEY_GAIN) for start in (first, *others)]
     costs = np.array([end.cost for end in ends])
     evaluations = found.evaluations + sum(end.evaluations for end in ends)

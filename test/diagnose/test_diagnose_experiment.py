@@ -10,7 +10,8 @@ from open_loop_cases import axis, conditioned, item, recorded, scaled
 
 from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.control.reference import load_reference
-from tcs_friction.diagnose.outcome.experiment import FASTER, library, next_experiment, reference_text
+from tcs_friction.diagnose.dataset.excitation import FASTER
+from tcs_friction.diagnose.outcome.experiment import library, next_experiment, reference_text
 from tcs_friction.physics.terms import Instance
 
 PAIRS = [

@@ -27,6 +27,7 @@ TENTH = 0.1  # of a turn of travel
 BUILT_UP = 3.0  # bristle deflections, after which 95 % of the friction is built up in the new direction
 SEEN = 6.0  # standard deviations of the position's noise, that a motion one way must cover to be one
 STRAIGHT = 0.01  # rms of inertial torque over that of the torque
+FASTER = 2.0  # times the fastest speed seen: the most that a next motion is asked for, so that a named model has to hold there
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import yaml
 from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.control.reference import reference_from_mapping
 from tcs_friction.diagnose.dataset.coordinates import unit_of
+from tcs_friction.diagnose.dataset.excitation import FASTER
 from tcs_friction.diagnose.fit.parameters import FreeNumber, free_parameters, moved
 from tcs_friction.physics import machine
 from tcs_friction.physics.axis import Axis
@@ -25,7 +26,6 @@ from tcs_friction.physics.terms import Instance, Need
 
 DURATION = 60.0  # s, of most motions
 LONG = 300.0  # s, of the one that shows slow changes
-FASTER = 2.0  # times the fastest speed seen that may be asked for
 USED = 0.9  # of the travel seen
 SETTLED = 0.5  # s at the start that are not compared
 WORTH_A_RECORDING = 0.05  # of the effects' own torque: predictions that differ by less are not worth a recording

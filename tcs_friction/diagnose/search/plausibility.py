@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tcs_friction.diagnose import rules
+from tcs_friction.diagnose.dataset.excitation import FASTER
 from tcs_friction.diagnose.fit.balance import TorqueBalance, rms
 from tcs_friction.diagnose.fit.joint_fit import Fit
 from tcs_friction.diagnose.search.matched_filter import FEWEST_PERIODS, ONE_WAVE, same_wave, wave_angle
@@ -39,8 +40,7 @@ AT_BOUND = 1e-3  # relative distance from a declared bound that counts as none
 BELOW_SEARCH = 0.125  # of the lowest order that is searched, by which a fit may go below it: half a period of four
 NEARLY_WHOLE = 0.02  # of a wave's power, that it may lose if its order is whole: the phase moves by a twelfth of a period
 TINY = 1e-300  # s, instead of no lag
-BEYOND_SEEN = 2.0  # times the fastest speed seen: what a next experiment may ask for (outcome/experiment.py)
-SPEEDS = 24  # at which friction is asked whether it takes energy
+SPEEDS = 24  # up to the fastest: between two, a drag c v^2 dips by (1/48)^2 of its largest, half of the 0.1 % that may remain
 SEARCH_MARGIN = 3.0  # factor beyond the values searched, within which an effect can be told from others
 
 
@@ -143,11 +143,11 @@ def _feeds_energy(balance: TorqueBalance, axis: Axis) -> bool:
     """Whether friction over the speed feeds energy into the axis at some speed that a motion may have, which no friction does.
 
     A drag of negative sign may bend a law's friction down, as far as that is larger. A simulation that comes to where it is not
-    runs away: looked at are speeds up to twice the fastest one that was seen, the most that a next motion is asked for.
+    runs away: looked at are speeds up to FASTER times the fastest one that was seen.
     """
     velocity = balance.data.joined("velocity")
     alone = replace(axis, effects=over_speed(axis))
-    fastest = BEYOND_SEEN * float(np.abs(velocity).max())
+    fastest = FASTER * float(np.abs(velocity).max())
     speeds = np.linspace(1.0 / SPEEDS, 1.0, SPEEDS) * fastest
     ways = [way for way in (-1.0, 1.0) if (way * velocity > balance.data.speed_threshold).any()]
     return any(bool((way * steady(alone, way * speeds) < 0.0).any()) for way in ways)

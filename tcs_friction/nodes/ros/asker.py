@@ -130,7 +130,6 @@ def asking() -> Iterator[Asker]:
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
-        context.try_shutdown()
 
 
 def hidden(name: str) -> bool:
