@@ -21,7 +21,6 @@ The first moves the velocity over a span, both move the position.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -145,7 +144,7 @@ class LoggedTorque:
 
 
 def logged(t: Array, values: Array) -> LoggedTorque:
-    """A log with its lost values put back on a line between those beside them: a drive goes on where a message is lost."""
+    """A log with its lost values put back: what is repeated beside them, else a line, since a drive goes on."""
     steps = np.diff(t)
     period = float(np.median(steps))
     lost = np.maximum(np.rint(steps / period).astype(np.int64) - 1, 0)
@@ -156,30 +155,59 @@ def logged(t: Array, values: Array) -> LoggedTorque:
     first = np.append(np.repeat(np.arange(len(steps)), lost + 1), len(steps))
     after = np.minimum(first + 1, len(steps))
     full = t[first] + share * (t[after] - t[first])
-    filled = values[first] + share * (values[after] - values[first])
-    return LoggedTorque(full, filled, period, lost=(share > 0.0).astype(np.float64))
+    filled, recorded = values[first] + share * (values[after] - values[first]), share == 0.0
+    at = np.arange(len(full))
+    new = _new(_numbers(full), *_changes(t, values))
+    begins, ends = np.maximum.accumulate(np.where(new, at, 0)), np.append(_next(new, at)[1:], len(at))
+    before, behind = np.maximum.accumulate(np.where(recorded, at, -1)), _next(recorded, at)
+    same = np.where(before >= begins, before, np.where(behind < ends, behind, begins))
+    return LoggedTorque(full, filled[same], period, lost=np.where(recorded[same], 0.0, 1.0))
 
 
-def stale_stride(values: Array) -> int:
+def _next(mask: NDArray[np.bool_], at: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(n,) The first place at or after each where a mask holds; n where there is none."""
+    return np.minimum.accumulate(np.where(mask, at, len(at))[::-1])[::-1]
+
+
+def _numbers(t: Array) -> NDArray[np.int64]:
+    """(n,) Number of each stamp on an even scale of the usual period."""
+    steps = np.diff(t)
+    if not len(steps):
+        return np.zeros(len(t), dtype=np.int64)
+    return np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1.0))]).astype(np.int64)
+
+
+def _changes(t: Array, values: Array) -> tuple[NDArray[np.int64], int]:
+    """Numbers (k,) of samples that differ from the one a period before; of how many each value is repeated, 1 if of none."""
+    number = _numbers(t)
+    changes = number[1:][(np.diff(values) != 0.0) & (np.diff(number) == 1)]
+    if len(changes) < FEWEST_CHANGES:
+        return changes, 1
+    apart = np.diff(changes)
+    lengths, counts = np.unique(apart, return_counts=True)
+    stride = int(lengths[counts.argmax()])
+    return changes, stride if stride > 1 and np.mean(apart % stride == 0) >= MOSTLY else 1
+
+
+def _new(number: NDArray[np.int64], changes: NDArray[np.int64], stride: int) -> NDArray[np.bool_]:
+    """(n,) Whether the sample of each number is due to be new, counted from the last change before it."""
+    if stride == 1:
+        return np.ones(len(number), dtype=bool)
+    last = changes[np.maximum(np.searchsorted(changes, number, side="right") - 1, 0)]
+    return np.asarray((number - last) % stride == 0)
+
+
+def stale_stride(t: Array, values: Array) -> int:
     """Of how many samples each value is repeated, because whoever logs is quicker than the torque is renewed; 1: none is.
 
     It asks another question than `recording.freshness.fresh_samples`, which tells a mean period, also of values that are renewed
     every 4.17 samples: which of the samples are new. That is known only where the stride is a whole number, and
-    a line through wrong samples would be a wrong torque, so that anything less certain counts as new.
+    a line through wrong samples would be a wrong torque, so that anything less certain counts as new. Samples that were lost
+    tell nothing.
     """
-    changes = np.flatnonzero(np.diff(values) != 0.0)
-    if len(changes) < FEWEST_CHANGES:
-        return 1
-    apart = np.diff(changes)
-    stride = int(np.bincount(apart).argmax())
-    return stride if stride > 1 and np.mean(apart % stride == 0) >= MOSTLY else 1
+    return _changes(t, values)[1]
 
 
 def fresh(t: Array, values: Array) -> NDArray[np.intp]:
     """Samples at which a value is new: all, unless values are repeated by a rule; where they rest, one for each such time."""
-    stride = stale_stride(values)
-    if stride == 1:
-        return np.arange(len(t))
-    changes = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(t)]])
-    kept = [np.arange(a, b, stride) for a, b in itertools.pairwise(changes)]
-    return np.concatenate(kept)
+    return np.flatnonzero(_new(_numbers(t), *_changes(t, values)))

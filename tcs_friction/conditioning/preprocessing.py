@@ -128,7 +128,7 @@ def _fresh_positions(r: Recording, s: slice) -> NDArray[np.intp]:
     Too few would be left of a short one: it stays as it is.
     """
     every = np.arange(s.start, s.stop)
-    few = (s.stop - s.start) < FEWEST_SAMPLES * stale_stride(r.position[s])
+    few = (s.stop - s.start) < FEWEST_SAMPLES * stale_stride(r.t[s], r.position[s])
     return every if few else every[fresh(r.t[s], r.position[s])]
 
 

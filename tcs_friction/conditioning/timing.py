@@ -92,7 +92,7 @@ def log_timing(recording: Recording) -> LogTiming:
         return LogTiming(recording.acts, 0.0, own, recording.source)
     parts = [part for part in recording.segments if part.stop - part.start > 1]
     logs = [recording.logged(part) for part in parts]
-    strides = [stale_stride(values) for _, values in logs]
+    strides = [stale_stride(*log) for log in logs]
     half = 0.5 * max(stride * float(np.median(np.diff(t))) for (t, _), stride in zip(logs, strides, strict=True))
-    repeated = max(strides) > 1 or any(stale_stride(recording.position[part]) > 1 for part in parts)
+    repeated = max(strides) > 1 or any(stale_stride(recording.t[part], recording.position[part]) > 1 for part in parts)
     return LogTiming(-half, half, own, recording.source, Between.HELD if repeated else Between.LINE)

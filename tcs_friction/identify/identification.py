@@ -410,20 +410,23 @@ class _Torques:
     def _counted(self, refined: Refined) -> np.ndarray:
         return refined.residual[self.verdicts.refined.weights > 0.0]
 
-    def refitted(self, sharp: Sharpened) -> Refined:
-        """What law, inertia, offset and lateness of predictions leave of the torque, with the states that go with them."""
+    def refitted(self, sharp: Sharpened, gain: float | None = None) -> Refined:
+        """What law, inertia, offset and lateness of predictions leave of the torque, with the states that go with them.
+
+        gain: relative, of a step that ends it.
+        """
         size, unknowns = self.problem.states_index, self.verdicts.refined.unknowns.copy()
         unknowns[:size] = sharp.unknowns[:size]
         held = np.arange(len(unknowns)) < size
-        return refit(self.problem, unknowns, self.space.holding(held), self.loss, VALLEY_STEPS)
+        return refit(self.problem, unknowns, self.space.holding(held), self.loss, VALLEY_STEPS, gain)
 
     def ruled_out(self, sharp: Sharpened) -> bool:
         """Whether predictions in time, with the law of the torques, leave more of the torque. Bent torques do not tell it."""
-        return not self._bent(sharp) and not self._explained(self.refitted(sharp))
+        return not self._bent(sharp) and not self._explained(self.refitted(sharp, VALLEY_GAIN))
 
     def hopeless(self, sharp: Sharpened) -> bool:
         """Whether predictions that are under way leave more of the torque, however that is told: the law is another."""
-        return not self._explained(self.refitted(sharp)) and not (self._bent(sharp) and self._undisturbed(sharp))
+        return not self._explained(self.refitted(sharp, VALLEY_GAIN)) and not (self._bent(sharp) and self._undisturbed(sharp))
 
     def contradict(self, sharp: Sharpened, refined: Refined) -> bool:
         """Whether predictions leave more of the torque. Where that is bent, sound ones leave the disturbance that they need.

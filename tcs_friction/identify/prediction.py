@@ -96,7 +96,11 @@ class Predictor(ABC):
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Take the errors' standard deviations from these unknowns."""
-        self._deviation = np.sqrt(self.predicted(unknowns[None], self.encoder)[1][0])
+        self._believe(self.predicted(unknowns[None], self.encoder)[1][0])
+
+    def _believe(self, variances: np.ndarray) -> None:
+        """Take the errors' standard deviations from these variances (n,)."""
+        self._deviation = np.sqrt(variances)
         self._last = None
 
     def evaluated(self, unknowns: np.ndarray) -> np.ndarray:
@@ -202,7 +206,7 @@ class LuGrePredictor(Predictor):
     """An axis with LuGre friction, whose bristle is predicted with its motion."""
 
     def __init__(self, fine: Fine, model: LuGreModel, space: Space, unknowns: np.ndarray, finest: float = FINEST) -> None:
-        self._model, self._unsure = model, 1.0
+        self._model, self._unsure = model, np.ones(1)
         self._turn = self._fastest(unknowns) * fine.period
         self._substeps = _steps_for(self._turn, finest)
         super().__init__(fine, space, self._substeps)
@@ -224,7 +228,7 @@ class LuGrePredictor(Predictor):
 
     def _filter(self, unknowns: np.ndarray, encoder: np.ndarray, bounds: np.ndarray, out: np.ndarray) -> None:
         laws = np.array([self._model.as_lugre(values) for values in unknowns[:, :-REST]])
-        candidates = np.column_stack([laws, _rest(unknowns, encoder), np.full(len(laws), self._unsure)])
+        candidates = np.column_stack([laws, _rest(unknowns, encoder), np.broadcast_to(self._unsure, len(laws))])
         pushes, moves, row = self._pushes(unknowns[:, LATENESS])
         kernel.predict(
             self._position, bounds, self._walk.firsts, self._walk.steps, pushes, moves, self._rough, row, candidates, *out
@@ -232,12 +236,12 @@ class LuGrePredictor(Predictor):
 
     def weigh(self, unknowns: np.ndarray) -> None:
         """Leave out, too, what depends on how a bristle was bent before the recording: a filter of that would not be linear."""
-        super().weigh(unknowns)
+        self._unsure = np.array([1.0, 0.0])
+        (errors, relaxed), variances = self.predicted(np.tile(unknowns, (2, 1)), self.encoder)
+        self._unsure = np.ones(1)
+        self._believe(variances[0])
         bounds, part = self.fine.samples.bounds, np.zeros(len(self.target), dtype=bool)
-        self._unsure = 0.0
-        relaxed = self.predicted(unknowns[None], self.encoder)[0][0]
-        self._unsure = 1.0
-        apart = np.abs(self.predicted(unknowns[None], self.encoder)[0][0] - relaxed) > FORGOTTEN * self._deviation
+        apart = np.abs(errors - relaxed) > FORGOTTEN * self._deviation
         for first, last in itertools.pairwise(bounds):
             late = np.flatnonzero(apart[first : first + (last - first) // 5])
             part[first : first + (late[-1] + 1 if len(late) else 0)] = True

@@ -61,7 +61,7 @@ def test_before_and_after_the_log_its_ends_act() -> None:
 def test_stale_values_are_told_from_fresh_ones(stride: int) -> None:
     values = np.repeat(RANDOM.standard_normal(100), stride)
     t = np.arange(len(values)) * 1e-3
-    assert stale_stride(values) == stride
+    assert stale_stride(t, values) == stride
     assert (fresh(t, values) % stride == 0).all()
     line = LoggedTorque(t, values, 1e-3).drawn(Between.LINE)
     assert line.period == pytest.approx(stride * 1e-3)
@@ -71,9 +71,35 @@ def test_stale_values_are_told_from_fresh_ones(stride: int) -> None:
 def test_a_torque_that_rests_now_and_then_is_not_stale() -> None:
     values = RANDOM.standard_normal(400)
     values[100:180] = 0.0
-    assert stale_stride(values) == 1
-    assert len(fresh(np.arange(400.0), values)) == 400
-    assert stale_stride(np.zeros(400)) == 1
+    t = np.arange(400.0)
+    assert stale_stride(t, values) == 1
+    assert len(fresh(t, values)) == 400
+    assert stale_stride(t, np.zeros(400)) == 1
+
+
+@pytest.mark.parametrize("stride", [2, 5])
+def test_what_was_lost_of_stale_values_is_what_is_repeated_beside_it(stride: int) -> None:
+    values = np.repeat(RANDOM.standard_normal(400), stride)
+    t = np.arange(len(values)) * 1e-3
+    kept = RANDOM.uniform(size=len(t)) > 0.05
+    kept[[0, -1]] = True
+    assert stale_stride(t[kept], values[kept]) == stride
+    log = logged(t[kept], values[kept])
+    assert log.t == pytest.approx(t)
+    known = log.lost == 0.0
+    assert known.mean() > 0.99
+    assert (log.values[known] == values[known]).all()
+    line = log.drawn(Between.LINE)
+    assert line.t == pytest.approx(t[::stride])
+    assert (np.diff(fresh(t[kept], values[kept])) > 0).all()
+    assert (np.searchsorted(t, t[kept][fresh(t[kept], values[kept])]) % stride == 0).all()
+
+
+def test_stamps_a_day_apart_take_no_memory() -> None:
+    values = np.repeat(RANDOM.standard_normal(60), 3)
+    t = np.arange(len(values)) * 1e-4
+    t[90:] += 86_400.0
+    assert stale_stride(t, values) == 3
 
 
 def test_lost_values_lie_on_a_line_and_pauses_stay() -> None:
