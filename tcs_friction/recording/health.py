@@ -18,6 +18,7 @@ from tcs_friction.recording.freshness import fresh_samples, longest_unchanged
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.stamps import stamped
+from tcs_friction.recording.table_times import taken_as_si
 from tcs_friction.recording.tables import Imported
 from tcs_friction.recording.units import WITHOUT, Named, torque_base
 
@@ -90,7 +91,8 @@ class Health:
         width = max(map(len, self.signals), default=0)
         lines = [f"  {name:{width}}  {one}" for name, one in self.signals.items()]
         lines += [f"  {self._timing()}"] if self.samples else []
-        lines += [f"  {note}" for note in self.notes if not note.startswith("time base: header")]
+        told = {taken_as_si(one.source) for one in self.signals.values()}  # by the lines above
+        lines += [f"  {note}" for note in self.notes if note not in told and not note.startswith("time base: header")]
         usable = f"read as a recording: {self.samples} samples, {self.duration:.6g} s"
         return ["# signals of the axis", *lines, f"  refused: {self.refused}" if self.refused else f"  {usable}"]
 
