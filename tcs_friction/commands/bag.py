@@ -84,7 +84,7 @@ def _table_info(arguments: argparse.Namespace) -> None:
     if arguments.signal:
         raise InputError("--signal", "given for a table", "a bag, or --column for a table")
     imported = import_table(arguments.bag, arguments.joint or "", columns_of(arguments.column))
-    found = table_health(imported.recording, _acting)
+    found = table_health(imported, _acting)
     content = {"path": str(arguments.bag), "start": imported.recording.start * 1e-9, "duration": found.duration}
     if arguments.json:
         print(json.dumps(content | {"kind": imported.kind, "health": found.to_mapping()}, allow_nan=False))

@@ -33,6 +33,7 @@ from tcs_friction.identify.searches import AS_PRINTED, HYBRID, NAMES, Searches, 
 from tcs_friction.physics.axis import Axis
 from tcs_friction.physics.registry import law as law_named
 from tcs_friction.recording.bags import chosen_signals, joints_in, read_recordings
+from tcs_friction.recording.freshness import longest_unchanged
 from tcs_friction.recording.recording import Recording, same_torque_unit
 from tcs_friction.report.identification_files import AXIS, IDENTIFICATION, content_of, write_identification
 from tcs_friction.report.numbers import aligned
@@ -116,7 +117,7 @@ def identified_into(arguments: argparse.Namespace, directory: Path) -> Done:
     write_identification(directory, file, found, recordings, comparison, searches)
     tell_notes(recordings)
     text, content = _summary(directory, found, comparison, searches), content_of(found, comparison, searches)
-    return Done(text, content, _sentence(found), "report.html", _failure(arguments, found))
+    return Done(text, content, _sentence(found), "report.html", _failure(arguments, found, recordings))
 
 
 def _options(arguments: argparse.Namespace) -> IdentifyOptions:
@@ -137,10 +138,13 @@ def _options(arguments: argparse.Namespace) -> IdentifyOptions:
     )
 
 
-def _failure(arguments: argparse.Namespace, found: Identification) -> JobError | None:
+def _failure(arguments: argparse.Namespace, found: Identification, recordings: Sequence[Recording]) -> JobError | None:
     """Why what was found and written is no result, None if it is one."""
     if not any(item.determined for item in found.parameters.values()):
         expected = "a recording with reversals and several speeds"
+        still, since = max(longest_unchanged(one.t, one.position) for one in recordings)
+        if still > 0.5 * max(one.duration for one in recordings):
+            expected = f"a position that changes: it is the same for {still:.4g} s from {since:.4g} s on, at rest or not read"
         return JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
     if not found.minimum:
         expected = "--refine, or more generations; what it found is written, without intervals"

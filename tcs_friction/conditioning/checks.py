@@ -44,9 +44,17 @@ LENGTHS = {1e3: "mm", 1e-3: "m where the axis file has mm"}
 def check_changes(recordings: Sequence[Recording]) -> None:
     """Refuse a position or a torque that is always the same, in one line."""
     for r in recordings:
-        if np.ptp(r.position) == 0.0:
-            raise InputError(r.source, "the position never changes", "a recording in which the axis moves")
+        check_position(r)
         check_torque(r)
+
+
+def check_position(recording: Recording) -> None:
+    """Refuse a position that is always the same, in one line: of an axis at rest, or one that is not read."""
+    if np.ptp(recording.position) == 0.0:
+        moves = recording.velocity is not None and np.ptp(recording.velocity) > 0.0
+        found = f"the position never changes{', and the velocity does' if moves else ''}"
+        expected = "the position of the axis: is its sensor read?" if moves else "a recording in which the axis moves"
+        raise InputError(recording.source, found, expected)
 
 
 def check_torque(recording: Recording) -> None:

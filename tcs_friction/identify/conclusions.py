@@ -154,7 +154,7 @@ class Conclusions:
         if not self.minimum or not len(residual) or not residual.any():
             return {}
         centred = residual - residual.mean()
-        lags = min(len(centred) // 4, BOUND_LAGS) if self.sharp is None else 1
+        lags = min(max(len(centred) // 4, 1), BOUND_LAGS) if self.sharp is None else 1
         noise = np.array([float(centred[k:] @ centred[: len(centred) - k]) for k in range(lags)]) / len(
             centred
         )

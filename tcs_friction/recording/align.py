@@ -15,6 +15,7 @@ import numpy as np
 from tcs_friction.errors import InputError
 from tcs_friction.recording import clock
 from tcs_friction.recording.columns import Mask, Nanoseconds, TopicColumns, counted
+from tcs_friction.recording.frozen import frozen
 from tcs_friction.recording.mending import mended
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
@@ -51,6 +52,7 @@ def align(columns: Mapping[str, TopicColumns], signals: SignalMap, source: str, 
             log = own if name == "torque" else log
         values[name] = _usable(column, fine, name, signal, needed, source, told)
     passed, cuts = _made_continuous(base, values, source, told)
+    _without_frozen(base, fine, values, told)
     return _cut(base, fine, passed, sorted({*base.restarts, *cuts}), values, signals, source, told, log)
 
 
@@ -84,6 +86,16 @@ def _made_continuous(
     if passed is not None:
         passed[good[found.spikes]] = True
     return passed, tuple(int(good[cut]) for cut in found.cuts)
+
+
+def _without_frozen(base: TimeBase, fine: Mask, values: Mapping[str, Column | None], told: list[str]) -> None:
+    """Mark the samples as cut in which the position is only repeated."""
+    position = values["position"]
+    assert position is not None  # _usable has raised otherwise
+    repeated, notes = frozen(base.seconds, position, values.get("velocity"), base.restarts)
+    told.extend(map(mended, notes))
+    if repeated is not None:
+        fine &= ~repeated
 
 
 def _from_other_topic(

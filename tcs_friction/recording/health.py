@@ -18,10 +18,12 @@ from tcs_friction.recording.freshness import fresh_samples, longest_unchanged
 from tcs_friction.recording.recording import Column, Recording
 from tcs_friction.recording.signals import SignalMap, SignalSource
 from tcs_friction.recording.stamps import stamped
-from tcs_friction.recording.units import torque_base
+from tcs_friction.recording.table_times import taken_as_si
+from tcs_friction.recording.tables import Imported
+from tcs_friction.recording.units import WITHOUT, Named, torque_base
 
 UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "torque": "N m or N", "temperature": "degC", "reference": "rad or m"}
-BY_REP_103, IN_TABLES = "as ROS has it (REP 103)", "by the unit that the table says, else SI"
+BY_REP_103 = "as ROS has it (REP 103)"
 OTHER_UNITS = {180.0 / np.pi: "deg", 1.0 / (2.0 * np.pi): "turns", 30.0 / np.pi: "revolutions a minute"}
 """What a velocity may be in, by its ratio to the derivative of a position in rad."""
 SAME = 0.03
@@ -89,7 +91,8 @@ class Health:
         width = max(map(len, self.signals), default=0)
         lines = [f"  {name:{width}}  {one}" for name, one in self.signals.items()]
         lines += [f"  {self._timing()}"] if self.samples else []
-        lines += [f"  {note}" for note in self.notes if not note.startswith("time base: header")]
+        told = {taken_as_si(one.source) for one in self.signals.values()}  # by the lines above
+        lines += [f"  {note}" for note in self.notes if note not in told and not note.startswith("time base: header")]
         usable = f"read as a recording: {self.samples} samples, {self.duration:.6g} s"
         return ["# signals of the axis", *lines, f"  refused: {self.refused}" if self.refused else f"  {usable}"]
 
@@ -124,24 +127,36 @@ def health(path: Path, block: Mapping[str, Any], acting: Callable[[Recording], f
     return _of_recording(recording, found, acting)
 
 
-def table_health(recording: Recording, acting: Callable[[Recording], float | None] = nobody_knows) -> Health:
-    """The same of a table that has been read; a unit that it does not say is in the notes."""
+def table_health(table: Imported, acting: Callable[[Recording], float | None] = nobody_knows) -> Health:
+    """The same of a table that has been read."""
+    recording, told = table.recording, {one.signal: one for one in table.told}
     names = [name for name in UNITS if getattr(recording, name) is not None]
     values = {name: getattr(recording, name) for name in names} | dict(recording.exogenous)
     found = {}
     for name, column in values.items():
-        unit = recording.torque_unit if name == "torque" else ""
-        believed = unit or UNITS.get(name, ""), IN_TABLES if name in UNITS else "unit unknown"
         fine = np.isfinite(column)
-        found[name] = _of_values(name, recording.t[fine], column[fine], believed)
+        source = told[name].column if name in told else name
+        found[name] = _of_values(source, recording.t[fine], column[fine], _in_table(table, told.get(name)))
     return _of_recording(recording, found, acting)
+
+
+def _in_table(table: Imported, told: Named | None) -> tuple[str, str]:
+    """The unit that a signal is told in, and why."""
+    if told is None:
+        return "", "unit unknown"
+    either = UNITS[told.signal].split(" or ")
+    unit = either[-1 if table.kind == "linear" else 0] if table.kind else UNITS[told.signal]
+    unit = table.recording.torque_unit or unit if told.signal == "torque" else unit
+    if told.unit in WITHOUT:
+        return unit, f"column {told.column!r} says no unit, taken as SI"
+    return unit, f"recorded in {told.unit} in column {told.column!r}"
 
 
 def _of_recording(
     recording: Recording, found: dict[str, SignalHealth], acting: Callable[[Recording], float | None]
 ) -> Health:
     if (said := _velocity_says(recording)) and "velocity" in found:
-        found["velocity"] = _with_reason(found["velocity"], said)
+        found["velocity"] = _with_reason(found["velocity"], f"{found['velocity'].why}; {said}")
     acts, period = acting(recording), 1.0 / found["torque"].fresh if found["torque"].fresh else 0.0
     return Health(found, recording.notes, None, len(recording), recording.duration, acts, period)
 

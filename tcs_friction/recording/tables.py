@@ -48,12 +48,13 @@ PAUSE = 100.0
 class Imported:
     """A table as a recording, with the signals block under which a bag will hold it.
 
-    kind: of the axis, None where the units do not tell.
+    kind: of the axis, None where the units do not tell. told: column and unit of each signal, as the table or the axis file says.
     """
 
     recording: Recording
     signals: SignalMap
     kind: str | None = None
+    told: tuple[Named, ...] = ()
 
 
 def export_table(recording: Recording, path: Path, kind: str = "rotary", signals: SignalMap | None = None) -> None:
@@ -123,7 +124,7 @@ def import_table(
     others = {name: signals.exogenous[name].si(column) for name, column in others.items() if name in signals.exogenous}
     recording = _recording(path, times, values, others, sources["torque"].acts, notes)
     recording = replace(recording, start=start, torque_unit=torque_unit)
-    return Imported(recording, signals, kind or units.kind_of(units_told))
+    return Imported(recording, signals, kind or units.kind_of(units_told), tuple(units_told))
 
 
 def _sources(

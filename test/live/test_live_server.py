@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import math
 import socket
@@ -13,12 +14,14 @@ from typing import Any
 
 import pytest
 from page_server import Served, next_message
+from starlette.requests import Request
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tcs_friction.errors import InputError
 from tcs_friction.live import serving, stream
 from tcs_friction.live.access import Access
 from tcs_friction.live.hub import ROTARY, Hub
+from tcs_friction.live.server import _token_in
 from tcs_friction.live.serving import bound, served, url
 from tcs_friction.nodes.page.state import Condition, Effect, Job, Switches
 
@@ -304,6 +307,15 @@ def test_half_sent_requests_keep_nobody_out(serve: Callable[..., Any], monkeypat
             time.sleep(0.1)
         assert server.ask("/")[0] == 200
         next_message(page, "frame")  # a page that is open stays so
+
+
+def test_who_goes_in_the_middle_of_a_form_has_said_no_token() -> None:
+    parts = iter([{"type": "http.request", "body": b"to", "more_body": True}, {"type": "http.disconnect"}])
+
+    async def receive() -> Any:
+        return next(parts)
+
+    assert asyncio.run(_token_in(Request({"type": "http", "headers": []}, receive))) == ""
 
 
 def test_a_request_that_comes_in_two_parts_is_answered(serve: Callable[..., Any]) -> None:

@@ -320,10 +320,11 @@ def test_a_table_is_looked_at_as_a_bag_is(tmp_path: Path, capsys: pytest.Capture
     path.write_text("time [s],angle [deg],velocity,drive current [A]\n" + "".join(f"{a},{b},{c},{d}\n" for a, b, c, d in rows))
     text = said(path, capsys)
     assert text.startswith(f"{path}: 2000 rows, 7.996 s\n")
-    assert "position  250 Hz; -0.4 to 0.4 rad or m" in text
+    assert "position  250 Hz; -0.4 to 0.4 rad, recorded in deg in column 'angle [deg]'" in text
     assert "a new value at 50 Hz only, held between (every 5 messages)" in text
     assert "the derivative of the position (1.000 times)" in text
-    assert " A, by the unit that the table says" in text
+    assert " A, recorded in A in column 'drive current [A]'" in text
+    assert " rad/s, column 'velocity' says no unit, taken as SI" in text
     assert "torque and motion: " in text
     found = json.loads(said(path, capsys, "--json"))["health"]
     assert found["signals"]["torque"]["fresh"] == pytest.approx(50.0, rel=0.03)
