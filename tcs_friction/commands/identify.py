@@ -42,6 +42,7 @@ from tcs_friction.yaml_files import load_yaml
 ALL = "all"
 UNKNOWN_INERTIA = 1.0  # kg m^2, where the axis file has none; the fit is linear in it and needs no guess
 WRITTEN = (IDENTIFICATION, AXIS, "report.html")
+MOST = 0.5  # of a recording, for which its position is the same: longer than it does anything else; decides what is said alone
 ADJUSTABLE = ("pso-ga", "pso", "ga")
 SETTINGS = tuple(field.name for field in fields(SwarmOptions))
 
@@ -143,7 +144,7 @@ def _failure(arguments: argparse.Namespace, found: Identification, recordings: S
     if not any(item.determined for item in found.parameters.values()):
         expected = "a recording with reversals and several speeds"
         still, since = max(longest_unchanged(one.t, one.position) for one in recordings)
-        if still > 0.5 * max(one.duration for one in recordings):
+        if still > MOST * max(one.duration for one in recordings):
             expected = f"a position that changes: it is the same for {still:.4g} s from {since:.4g} s on, at rest or not read"
         return JobError(str(arguments.bags[0]), f"determines no parameter of {found.law}", expected)
     if not found.minimum:

@@ -19,6 +19,7 @@ import numpy as np
 
 from tcs_friction.conditioning.data_set import DataSet
 from tcs_friction.errors import InputError
+from tcs_friction.numerics.integral import travelled
 from tcs_friction.physics.axis import Axis
 from tcs_friction.recording.recording import Recording
 from tcs_friction.recording.signals import opposing_torque
@@ -86,7 +87,7 @@ def _check_velocity(r: Recording, velocity: np.ndarray) -> None:
         t, q, v = r.t[s], r.position[s], velocity[s]
         if len(t) < FEWEST_SAMPLES:
             continue
-        sums = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+        sums = travelled(t, v)
         moved.append(q - np.mean(q))
         integrated.append(sums - np.mean(sums))
     if not moved:

@@ -157,7 +157,7 @@ def logged(t: Array, values: Array) -> LoggedTorque:
     full = t[first] + share * (t[after] - t[first])
     filled, recorded = values[first] + share * (values[after] - values[first]), share == 0.0
     at = np.arange(len(full))
-    new = _new(_numbers(full), *_changes(t, values))
+    new = _new(_numbers(full), *_changes(_numbers(t), values))
     begins, ends = np.maximum.accumulate(np.where(new, at, 0)), np.append(_next(new, at)[1:], len(at))
     before, behind = np.maximum.accumulate(np.where(recorded, at, -1)), _next(recorded, at)
     same = np.where(before >= begins, before, np.where(behind < ends, behind, begins))
@@ -177,9 +177,8 @@ def _numbers(t: Array) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1.0))]).astype(np.int64)
 
 
-def _changes(t: Array, values: Array) -> tuple[NDArray[np.int64], int]:
+def _changes(number: NDArray[np.int64], values: Array) -> tuple[NDArray[np.int64], int]:
     """Numbers (k,) of samples that differ from the one a period before; of how many each value is repeated, 1 if of none."""
-    number = _numbers(t)
     changes = number[1:][(np.diff(values) != 0.0) & (np.diff(number) == 1)]
     if len(changes) < FEWEST_CHANGES:
         return changes, 1
@@ -205,9 +204,10 @@ def stale_stride(t: Array, values: Array) -> int:
     a line through wrong samples would be a wrong torque, so that anything less certain counts as new. Samples that were lost
     tell nothing.
     """
-    return _changes(t, values)[1]
+    return _changes(_numbers(t), values)[1]
 
 
 def fresh(t: Array, values: Array) -> NDArray[np.intp]:
     """Samples at which a value is new: all, unless values are repeated by a rule; where they rest, one for each such time."""
-    return np.flatnonzero(_new(_numbers(t), *_changes(t, values)))
+    number = _numbers(t)
+    return np.flatnonzero(_new(number, *_changes(number, values)))

@@ -24,6 +24,7 @@ from tcs_friction.conditioning.hold import Between, LoggedTorque, logged
 from tcs_friction.conditioning.sampling import even, resampled
 from tcs_friction.conditioning.white_noise import derivative_noise
 from tcs_friction.errors import InputError
+from tcs_friction.numerics.integral import travelled
 from tcs_friction.recording.recording import Recording
 
 HIGHEST_SHARE = 0.1  # of the sample rate, at most, for the pass band
@@ -205,7 +206,7 @@ def _from_series(series: Sequence[FrictionSeries]) -> Motion:
         friction = np.interp(item.t + item.lag, item.t, item.friction)
         kept = item.t <= item.t[-1] - item.lag
         t, velocity = item.t[kept], item.velocity[kept]
-        position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))])
+        position = travelled(t, velocity)
         parts.append((t, position, velocity, np.zeros(len(t)), friction[kept]))
     t, position, velocity, acceleration, friction = (
         np.concatenate(column) for column in zip(*parts, strict=True)

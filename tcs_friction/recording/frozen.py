@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tcs_friction.numerics.integral import travelled
 from tcs_friction.recording.clock import GAP_PERIODS
 from tcs_friction.recording.columns import Mask, counted
 from tcs_friction.recording.position_steps import FEWEST, HALF, LARGER
@@ -39,7 +40,7 @@ def frozen(
     steps[spans > GAP_PERIODS * np.median(spans)] = 0.0
     steps[np.asarray(restarts, dtype=np.intp) - 1] = 0.0
     usual = float(np.nanmax(np.abs(steps[~leaving]), initial=0.0))
-    ways = None if velocity is None else _travelled(seconds, velocity)
+    ways = None if velocity is None else travelled(seconds, np.where(np.isfinite(velocity), velocity, 0.0))
     stopped = [
         (a, b)
         for a, b in zip(first.tolist(), after.tolist(), strict=True)
@@ -61,12 +62,6 @@ def _comes_back_elsewhere(steps: Column, after: int, usual: float) -> bool:
     on = steps[after : after + LEAST]
     moving = np.count_nonzero(on) > HALF * LEAST
     return bool(moving) and abs(float(steps[after - 1])) > LARGER * usual
-
-
-def _travelled(seconds: Column, velocity: Column) -> Column:
-    """The way that a velocity says, from the first sample on; none where it is unknown."""
-    known = np.where(np.isfinite(velocity), velocity, 0.0)
-    return np.concatenate(([0.0], np.cumsum(0.5 * (known[1:] + known[:-1]) * np.diff(seconds))))
 
 
 def _goes_on(seconds: Column, way: Column, usual: float) -> bool:

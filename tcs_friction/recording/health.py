@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tcs_friction.errors import InputError
+from tcs_friction.numerics.integral import travelled
 from tcs_friction.recording import clock
 from tcs_friction.recording.align import align
 from tcs_friction.recording.bags import Bag, read_columns
@@ -204,11 +205,11 @@ def _velocity_says(recording: Recording) -> str:
     seconds, position, velocity = recording.t[part], recording.position[part], recording.velocity[part]
     if len(seconds) < FEWEST or np.ptp(velocity) == 0.0:
         return ""
-    travelled = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(seconds))))
+    way = travelled(seconds, velocity)
     design = np.column_stack((position, np.ones(len(position)), seconds))
-    (ratio, _, _), *_ = np.linalg.lstsq(design, travelled, rcond=None)
-    left = travelled - design @ np.array([ratio, *np.linalg.lstsq(design[:, 1:], travelled - ratio * position, rcond=None)[0]])
-    if np.var(left) > 0.1 * np.var(travelled - np.polyval(np.polyfit(seconds, travelled, 1), seconds)):
+    (ratio, _, _), *_ = np.linalg.lstsq(design, way, rcond=None)
+    left = way - design @ np.array([ratio, *np.linalg.lstsq(design[:, 1:], way - ratio * position, rcond=None)[0]])
+    if np.var(left) > 0.1 * np.var(way - np.polyval(np.polyfit(seconds, way, 1), seconds)):
         return "it is not the derivative of the position"
     if abs(ratio - 1.0) <= SAME:
         return f"the derivative of the position ({ratio:.3f} times)"
