@@ -142,6 +142,10 @@ def test_a_type_that_is_not_there_is_named(name: str, wrong: str) -> None:
         interface(name, "srv")
 
 
+def test_without_a_graph_that_is_what_is_missing(ros: Ros) -> None:
+    assert ros("topic info /nope")[::2] == (1, "tcs-friction: topic /nope: not found, expected its graph to run\n")
+
+
 def test_a_message_is_what_it_was_in_yaml() -> None:
     message = from_yaml(JointState, "{header: {frame_id: a, stamp: {sec: 3}}, name: [x, y], position: [1, 2.5]}")
     assert (message.header.stamp.sec, list(message.name), list(message.position)) == (3, ["x", "y"], [1.0, 2.5])

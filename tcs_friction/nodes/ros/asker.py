@@ -33,8 +33,7 @@ class _News:
 
     def are_over(self) -> bool:
         """Look once more."""
-        now, seen = time.monotonic(), self._look()
-        others = sorted(name for name in self._node.get_node_names() if not hidden(name))
+        now, seen, others = time.monotonic(), self._look(), _others(self._node)
         if (others, seen) != (self.others, self.found):
             self.others, self.found, self._since = others, seen, now
         return bool(others) and now - self._since > SETTLED
@@ -74,7 +73,7 @@ class Asker:
             return name in found
 
         if not self.until(known, ANSWER_LIMIT):
-            raise JobError(f"{what} {name}", "not found", nearest(name, found) if found else "its graph to run")
+            raise JobError(f"{what} {name}", "not found", nearest(name, found) if _others(self.node) else "its graph to run")
         return list(found[name])
 
     def services(self) -> dict[str, list[str]]:
@@ -130,6 +129,11 @@ def asking() -> Iterator[Asker]:
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
+
+
+def _others(node: Node) -> list[str]:
+    """Names of the nodes that are there for people: there are always topics, those of the node that asks."""
+    return sorted(name for name in node.get_node_names() if not hidden(name))
 
 
 def hidden(name: str) -> bool:
