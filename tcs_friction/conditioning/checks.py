@@ -51,11 +51,16 @@ def check_changes(recordings: Sequence[Recording]) -> None:
 
 def check_position(recording: Recording) -> None:
     """Refuse a position that is always the same, in one line: of an axis at rest, or one that is not read."""
+    check_read(recording)
     if np.ptp(recording.position) == 0.0:
-        moves = recording.velocity is not None and np.ptp(recording.velocity) > 0.0
-        found = f"the position never changes{', and the velocity does' if moves else ''}"
-        expected = "the position of the axis: is its sensor read?" if moves else "a recording in which the axis moves"
-        raise InputError(recording.source, found, expected)
+        raise InputError(recording.source, "the position never changes", "a recording in which the axis moves")
+
+
+def check_read(recording: Recording) -> None:
+    """Refuse a position that is always the same beside a velocity that is not, in one line."""
+    if np.ptp(recording.position) == 0.0 and recording.velocity is not None and np.ptp(recording.velocity) > 0.0:
+        found = "the position never changes, and the velocity does"
+        raise InputError(recording.source, found, "the position of the axis: is its sensor read?")
 
 
 def check_torque(recording: Recording) -> None:

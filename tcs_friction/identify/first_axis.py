@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import sosfreqz
 
 from tcs_friction.conditioning.bands import step_of
-from tcs_friction.conditioning.checks import check_position
+from tcs_friction.conditioning.checks import check_read
 from tcs_friction.conditioning.motion import Motion, prepare, sections
 from tcs_friction.conditioning.sensor_noise import white_noise
 from tcs_friction.config import AxisFile, Control, default_control
@@ -78,7 +78,7 @@ def first_axis(
     Raises InputError when the axis never moves, or no torque is ever applied.
     """
     for one in recordings:
-        check_position(one)
+        check_read(one)
     motion = prepare(recordings)
     if not np.ptp(motion.position) > 0.0 or np.abs(motion.velocity).max() <= motion.resolution:
         raise InputError(recordings[0].source, "the axis never moves", "a recording of motion")
